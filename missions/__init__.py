@@ -1,0 +1,1 @@
+"""Mission files and mission scripts an operator starts from."""

@@ -1,0 +1,1 @@
+"""The truth: vehicles, emitter, receivers and a clock, independent of the controller."""

@@ -1,0 +1,147 @@
+"""What a simulation is made of: plain frozen data, filled by whoever starts one.
+
+Units SI and radians; altitudes AMSL; wind and drift as the velocity of the air or water, ENU.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class VehicleLimits:
+    """What the simulated multirotor can do.
+
+    Attributes:
+        speed_mps: Greatest horizontal speed over ground.
+        acceleration_mps2: Greatest horizontal acceleration.
+        climb_mps: Greatest climb and descent speed.
+        climb_acceleration_mps2: Greatest vertical acceleration.
+    """
+
+    speed_mps: float = 15.0
+    acceleration_mps2: float = 3.0
+    climb_mps: float = 3.0
+    climb_acceleration_mps2: float = 2.0
+
+
+@dataclass(frozen=True)
+class VehicleConfig:
+    """One simulated UAV.
+
+    Attributes:
+        sysid: MAVLink system id.
+        launch_lat_rad: Launch point latitude, rad.
+        launch_lon_rad: Launch point longitude, rad.
+        launch_alt_amsl_m: Ground level at the launch point, m.
+        limits: Performance.
+        boot_delay_s: Simulation time at which it powers up.
+        silent: Fault: never says a word.
+        refuses_arming: Fault: denies every request to arm, with a STATUSTEXT.
+        dies_at_s: Fault: falls silent at this simulation time (link lost); None for never.
+    """
+
+    sysid: int
+    launch_lat_rad: float
+    launch_lon_rad: float
+    launch_alt_amsl_m: float
+    limits: VehicleLimits = field(default_factory=VehicleLimits)
+    boot_delay_s: float = 0.0
+    silent: bool = False
+    refuses_arming: bool = False
+    dies_at_s: float | None = None
+
+
+@dataclass(frozen=True)
+class EmitterConfig:
+    """The emitter: starts somewhere and drifts.
+
+    Attributes:
+        lat_rad: Latitude at the start, rad.
+        lon_rad: Longitude at the start, rad.
+        alt_amsl_m: Altitude (the sea's surface, the ground), m.
+        velocity_enu: Mean drift, m/s.
+        wander_mps_per_sqrt_s: Random walk of the horizontal velocity: its standard deviation
+            per axis grows by this in one second, m/s/sqrt(s). Its square is the process noise
+            density of a constant-velocity model, m²/s³.
+    """
+
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+    velocity_enu: Vector
+    wander_mps_per_sqrt_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class ReceiverConfig:
+    """The radio receivers, one on every UAV.
+
+    Attributes:
+        reference: System id of the UAV whose receiver is the reference.
+        rate_hz: Epochs a second.
+        sigma_m: 1-sigma of a range difference, m.
+        rho: Share of the variance that the reference receiver contributes.
+        delay_s: Time from an epoch to the publication of its range differences.
+        minimum_altitude_m: A receiver lower than this above its launch point hears nothing.
+    """
+
+    reference: int
+    rate_hz: float = 10.0
+    sigma_m: float = 3.0
+    rho: float = 0.5
+    delay_s: float = 0.05
+    minimum_altitude_m: float = 5.0
+
+
+@dataclass(frozen=True)
+class NavigationConfig:
+    """Error of the positions the vehicles report, per axis.
+
+    Attributes:
+        white_sigma_m: White part of each report; the autopilot's own control loop averages it
+            out.
+        correlated_sigma_m: First-order Gauss-Markov part, in the reports and in the
+            autopilot's own solution: the vehicle flies it.
+        correlated_tau_s: Its correlation time.
+    """
+
+    white_sigma_m: float = 0.5
+    correlated_sigma_m: float = 0.0
+    correlated_tau_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class WindConfig:
+    """Wind: a mean velocity of the air and a first-order Gauss-Markov gust per vehicle."""
+
+    mean_enu: Vector = (0.0, 0.0, 0.0)
+    gust_sigma_mps: float = 0.0
+    gust_tau_s: float = 5.0
+
+
+@dataclass(frozen=True)
+class SimConfig:
+    """A whole simulation.
+
+    Attributes:
+        swarm: Swarm name, used in topics.
+        vehicles: The UAVs.
+        emitter: The emitter.
+        receivers: The receivers.
+        navigation: Navigation error.
+        wind: Wind.
+        seed: Seed of every random draw.
+        utc_start_s: UTC at simulation time 0, s.
+    """
+
+    swarm: str
+    vehicles: tuple[VehicleConfig, ...]
+    emitter: EmitterConfig
+    receivers: ReceiverConfig
+    navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    wind: WindConfig = field(default_factory=WindConfig)
+    seed: int = 0
+    utc_start_s: float = 1_790_000_000.0

@@ -1,0 +1,425 @@
+"""The vocabulary of the system: what happened, what was decided, what is commanded.
+
+Three families, all frozen and all JSON-encodable by msgspec, so that a broadcast stays safe
+and the recording holds exactly what the core saw:
+
+* **Observations** come in from the edges (vehicle link, measurement feed, operator). They are
+  past-tense facts and carry ``received_s``, the controller's monotonic time of arrival.
+* **Decisions** come out of the core: phase changes, estimates, plans, notices.
+* **Commands** come out of the core for the vehicle link.
+
+Units and frames as in the package docstring: SI, radians, ENU, AMSL.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Literal
+
+import msgspec
+
+Vector = tuple[float, float, float]
+
+
+class Record(msgspec.Struct, frozen=True, tag=True, kw_only=True):
+    """Base of everything that can be recorded; ``type`` in JSON is the class's name."""
+
+
+# --- Observations: vehicle link --------------------------------------------------------
+
+
+class Observation(Record, frozen=True):
+    """A fact that reached the controller.
+
+    Attributes:
+        received_s: Controller's monotonic time of arrival, s.
+    """
+
+    received_s: float
+
+
+class VehicleObservation(Observation, frozen=True):
+    """A fact about one vehicle.
+
+    Attributes:
+        sysid: MAVLink system id.
+    """
+
+    sysid: int
+
+
+class Mode(StrEnum):
+    """Flight modes the controller tells apart, whatever the autopilot calls them."""
+
+    GUIDED = "guided"
+    LAND = "land"
+    RETURN = "return"
+    HOLD = "hold"
+    OTHER = "other"
+
+
+class Heartbeat(VehicleObservation, frozen=True):
+    """HEARTBEAT of an autopilot.
+
+    Attributes:
+        autopilot: ``ardupilot``, ``px4`` or ``other``.
+        is_multirotor: Whether MAV_TYPE is a multirotor.
+        mode: The flight mode, in this system's terms.
+        mode_name: The autopilot's own name or number for it.
+        armed: Whether the motors are armed.
+    """
+
+    autopilot: Literal["ardupilot", "px4", "other"]
+    is_multirotor: bool
+    mode: Mode
+    mode_name: str
+    armed: bool
+
+
+class VehiclePosition(VehicleObservation, frozen=True):
+    """GLOBAL_POSITION_INT with a usable position (lat = lon = 0 is not reported).
+
+    Attributes:
+        boot_s: Vehicle's time since boot of the sample, s.
+        epoch_utc_s: The same instant in UTC, s; None until the vehicle's SYSTEM_TIME is known.
+        lat_rad: Latitude, rad.
+        lon_rad: Longitude, rad.
+        alt_amsl_m: Altitude above mean sea level, m.
+        velocity_enu: Velocity east, north, up, m/s.
+    """
+
+    boot_s: float
+    epoch_utc_s: float | None
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+    velocity_enu: Vector
+
+
+class VehicleAttitude(VehicleObservation, frozen=True):
+    """ATTITUDE, rad (roll right, pitch up, yaw clockwise from north, as on the wire)."""
+
+    boot_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+class VehicleStatus(VehicleObservation, frozen=True):
+    """SYS_STATUS.
+
+    Attributes:
+        battery_v: Battery voltage, V; None where the vehicle does not measure it.
+        battery_fraction: Charge left, 0..1; None where unknown.
+        prearm_ok: Whether the vehicle says it would arm.
+    """
+
+    battery_v: float | None
+    battery_fraction: float | None
+    prearm_ok: bool
+
+
+class GpsFix(VehicleObservation, frozen=True):
+    """GPS_RAW_INT: fix type as in MAVLink (3 = 3-D) and satellites used."""
+
+    fix_type: int
+    satellites: int
+
+
+class HomePosition(VehicleObservation, frozen=True):
+    """HOME_POSITION: where the vehicle itself would return to."""
+
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+
+
+class VehicleClock(VehicleObservation, frozen=True):
+    """SYSTEM_TIME: the vehicle's UTC and its time since boot, s, at one instant."""
+
+    utc_s: float
+    boot_s: float
+
+
+class VehicleVersion(VehicleObservation, frozen=True):
+    """AUTOPILOT_VERSION: hardware uid and flight software version."""
+
+    uid: int
+    flight_sw_version: int
+
+
+class LandedState(VehicleObservation, frozen=True):
+    """EXTENDED_SYS_STATE."""
+
+    state: Literal["on_ground", "taking_off", "in_air", "landing", "unknown"]
+
+
+class StatusText(VehicleObservation, frozen=True):
+    """STATUSTEXT: the vehicle speaks; severity as in MAVLink (0 emergency .. 7 debug)."""
+
+    severity: int
+    text: str
+
+
+class CommandOutcome(VehicleObservation, frozen=True):
+    """The end of a command's exchange, once for every acknowledged command sent.
+
+    Attributes:
+        command: Class name of the command, for example ``Arm``.
+        result: ``accepted``; ``refused`` (the vehicle said no); ``no_answer`` (every try
+            went unanswered).
+        detail: What the vehicle said, for a person: the MAV_RESULT's name or the tries made.
+    """
+
+    command: str
+    result: Literal["accepted", "refused", "no_answer"]
+    detail: str
+
+
+class LinkQuality(VehicleObservation, frozen=True):
+    """Link statistics of one vehicle, reported once a second.
+
+    Attributes:
+        messages_in: Messages taken from this vehicle since the start.
+        lost: Messages missing by sequence number since the start.
+        rate_hz: Messages a second over the last second.
+    """
+
+    messages_in: int
+    lost: int
+    rate_hz: float
+
+
+class InputRejected(Observation, frozen=True):
+    """Bytes from outside that could not be used: named once per kind, then only counted.
+
+    Attributes:
+        source: ``mavlink`` or ``feed``.
+        kind: A short stable name of the fault, for example ``bad_crc`` or ``not_json``.
+        detail: One sentence: what was wrong with the first of its kind, and where from.
+    """
+
+    source: Literal["mavlink", "feed"]
+    kind: str
+    detail: str
+
+
+# --- Observations: measurement feed and operator ---------------------------------------
+
+
+class RangeDifference(msgspec.Struct, frozen=True):
+    """One range difference: range(emitter, receiver) - range(emitter, reference).
+
+    Attributes:
+        receiver: System id of the companion.
+        rd_m: Range difference, m.
+        sigma_m: 1-sigma of its noise, m.
+    """
+
+    receiver: int
+    rd_m: float
+    sigma_m: float
+
+
+class RangeDifferences(Observation, frozen=True):
+    """The range differences of one epoch against one reference receiver.
+
+    Attributes:
+        epoch_utc_s: Epoch of reception, UTC s.
+        reference: System id of the reference receiver.
+        items: One entry per companion.
+        rho: Share of each variance that comes from the common reference receiver, 0..1.
+        clock_sigma_s: 1-sigma of the receivers' clock synchronisation, s.
+        seq: Sequence number of the message.
+    """
+
+    epoch_utc_s: float
+    reference: int
+    items: tuple[RangeDifference, ...]
+    rho: float
+    clock_sigma_s: float
+    seq: int
+
+
+class EmitterTruth(Observation, frozen=True):
+    """True emitter state published by the simulator. Only the recorder and reports see it."""
+
+    epoch_utc_s: float
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+    velocity_enu: Vector
+
+
+class OperatorRequest(Observation, frozen=True):
+    """The operator asks: ``return_home`` brings the swarm home and lands it."""
+
+    request: Literal["return_home"]
+
+
+# --- Commands --------------------------------------------------------------------------
+
+
+class Command(Record, frozen=True):
+    """Something a vehicle is told.
+
+    Attributes:
+        sysid: MAVLink system id of the vehicle.
+    """
+
+    sysid: int
+
+
+class RequestHome(Command, frozen=True):
+    """Ask for HOME_POSITION once; acknowledged."""
+
+
+class RequestVersion(Command, frozen=True):
+    """Ask for AUTOPILOT_VERSION once; acknowledged."""
+
+
+class StreamTelemetry(Command, frozen=True):
+    """Ask for the telemetry the controller needs: every interval acknowledged, one outcome.
+
+    Attributes:
+        position_hz: Rate of GLOBAL_POSITION_INT, Hz; the slow messages follow at 1-2 Hz.
+    """
+
+    position_hz: float
+
+
+class SetMode(Command, frozen=True):
+    """Switch the flight mode; acknowledged."""
+
+    mode: Mode
+
+
+class Arm(Command, frozen=True):
+    """Arm the motors; acknowledged."""
+
+
+class Disarm(Command, frozen=True):
+    """Disarm the motors on the ground; acknowledged."""
+
+
+class TakeOff(Command, frozen=True):
+    """Climb to an altitude above the launch point; acknowledged."""
+
+    alt_amsl_m: float
+
+
+class GoTo(Command, frozen=True):
+    """Position setpoint with velocity feed-forward, streamed; never acknowledged.
+
+    Attributes:
+        lat_rad: Latitude, rad.
+        lon_rad: Longitude, rad.
+        alt_amsl_m: Altitude above mean sea level, m.
+        velocity_enu: Velocity of the setpoint east, north, up, m/s.
+    """
+
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+    velocity_enu: Vector
+
+
+# --- Decisions -------------------------------------------------------------------------
+
+
+class Decision(Record, frozen=True):
+    """Something the core decided or computed.
+
+    Attributes:
+        at_s: Controller's monotonic time, s.
+    """
+
+    at_s: float
+
+
+class PhaseChanged(Decision, frozen=True):
+    """The mission entered a phase.
+
+    Attributes:
+        phase: The new phase's name.
+        trigger: What moved it there.
+        reason: One sentence for the operator.
+    """
+
+    phase: str
+    trigger: str
+    reason: str
+
+
+class Estimate(Decision, frozen=True):
+    """The emitter's estimated state after a measurement update.
+
+    Attributes:
+        epoch_utc_s: Epoch the state refers to, UTC s.
+        position_enu: Position, m.
+        velocity_enu: Velocity, m/s.
+        covariance: Row-major 6 x 6 covariance of (position, velocity), SI.
+        nis: Normalised innovation squared of the update (chi-squared, ``rd_count`` degrees of
+            freedom, if the filter is consistent).
+        rd_count: Range differences in the update.
+    """
+
+    epoch_utc_s: float
+    position_enu: Vector
+    velocity_enu: Vector
+    covariance: tuple[float, ...]
+    nis: float
+    rd_count: int
+
+
+class Slot(msgspec.Struct, frozen=True):
+    """Where one vehicle should be now: planned position and velocity, and its measured error.
+
+    Attributes:
+        sysid: MAVLink system id.
+        position_enu: Planned position, m.
+        velocity_enu: Planned velocity, m/s.
+        error_m: 3-D distance between the vehicle and its planned position at the same
+            instant; None without a recent position.
+        range_to_reference_m: 3-D distance of the vehicle from the reference UAV; None without
+            recent positions, and for the reference itself.
+    """
+
+    sysid: int
+    position_enu: Vector
+    velocity_enu: Vector
+    error_m: float | None
+    range_to_reference_m: float | None
+
+
+class Plan(Decision, frozen=True):
+    """The formation as commanded in one control period.
+
+    Attributes:
+        los_rad: LOS angle the formation is drawn against, rad from East.
+        formed: Whether every follower has reached its slot since forming up began.
+        slots: One entry per vehicle, the reference included.
+    """
+
+    los_rad: float
+    formed: bool
+    slots: tuple[Slot, ...]
+
+
+class Notice(Decision, frozen=True):
+    """A sentence for the operator."""
+
+    level: Literal["info", "warning", "error"]
+    text: str
+
+
+class MissionEnded(Decision, frozen=True):
+    """The flight is over.
+
+    Attributes:
+        result: ``located`` or the name of what went wrong.
+        detail: One sentence.
+    """
+
+    result: str
+    detail: str
