@@ -241,6 +241,12 @@ class RangeDifferences(Observation, frozen=True):
     seq: int
 
 
+class FeedConnection(Observation, frozen=True):
+    """The broker was lost (``connected`` false) or is back."""
+
+    connected: bool
+
+
 class EmitterTruth(Observation, frozen=True):
     """True emitter state published by the simulator. Only the recorder and reports see it."""
 
@@ -373,14 +379,14 @@ class Estimate(Decision, frozen=True):
 
 
 class Slot(msgspec.Struct, frozen=True):
-    """Where one vehicle should be now: planned position and velocity, and its measured error.
+    """Where one vehicle should be now, the velocity commanded to it, and its measured error.
 
     Attributes:
         sysid: MAVLink system id.
-        position_enu: Planned position, m.
-        velocity_enu: Planned velocity, m/s.
-        error_m: 3-D distance between the vehicle and its planned position at the same
-            instant; None without a recent position.
+        position_enu: Where it should be: a follower's slot, the reference's plan, m.
+        velocity_enu: Commanded velocity, m/s.
+        error_m: 3-D distance between the vehicle and this position at the same instant; None
+            without a recent position.
         range_to_reference_m: 3-D distance of the vehicle from the reference UAV; None without
             recent positions, and for the reference itself.
     """
