@@ -1,0 +1,310 @@
+"""The live tracker: positions and range differences in, track out.
+
+Messages may come late, out of order, twice, or not at all. Time is measurement epochs only
+(UTC s); how long to wait for a position is judged by the epochs of newer positions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation import motion, ncrkf
+from swarmctl.estimation.alignment import PositionHistory, Vector
+from swarmctl.estimation.arguments import Array, as_covariance, as_finite, as_not_negative
+from swarmctl.estimation.rd_model import rd_covariance
+
+_ABSURD = 1e6
+"""No UAV, range difference or sigma of this system reaches a thousand kilometres (nor a
+thousand kilometres a second): such a number is corrupt."""
+
+
+class TrackUpdate(NamedTuple):
+    """The track after one epoch's range differences.
+
+    Attributes:
+        epoch_s: Epoch the state refers to, s: that of the newest measurement used.
+        position: East, north, up, m.
+        velocity: East, north, up, m/s.
+        covariance: Of [position, velocity], (6, 6), SI.
+        nis: Normalised innovation squared, chi-squared with ``rd_count`` degrees of freedom.
+        rd_count: Range differences in this update.
+        guarded: Whether the filter's guard fired.
+    """
+
+    epoch_s: float
+    position: Vector
+    velocity: Vector
+    covariance: Array
+    nis: float
+    rd_count: int
+    guarded: bool
+
+
+class _Measurement(NamedTuple):
+    rd_m: float
+    sigma_m: float
+    rho: float
+
+
+class Tracker:
+    """Estimates one emitter from a swarm's positions and range differences.
+
+    The prior holds at the epoch of the first measurement used. Range differences of one epoch
+    and reference are one measurement, with the noise they share. Those that arrive after the
+    rest of their epoch was used are an update of their own: right but for that shared noise.
+
+    Attributes:
+        used: Range differences used.
+        dropped: What was not used, by reason. Range differences: ``invalid`` (not finite,
+            absurd, sigma <= 0, rho outside [0, 1), receiver = reference), ``duplicate``,
+            ``too_old`` (more than ``history_s`` behind the track), ``no_position`` (a
+            vehicle's position is not known near the epoch), ``singular`` (the update has no
+            finite result). Positions: ``invalid_position`` (not finite or absurd).
+        guard_firings: Updates in which the filter's guard fired.
+
+    Args:
+        prior_mean: Position and velocity, (6,), m and m/s, ENU.
+        prior_covariance: (6, 6), positive definite. The height of an emitter on the ground or
+            the sea is a small variance here.
+        sigma_p_m: 1-sigma of the vehicles' reported positions, per axis, m.
+        process_noise: Spectral density of the emitter's acceleration, (3,), m²/s³.
+        max_wait_s: How much newer the newest position of any vehicle may get before a
+            measurement no longer waits for its own vehicles' next positions, s.
+        history_s: How far back positions are kept and late measurements used, s.
+        max_extrapolation_s: How far from its nearest sample a vehicle's position is used, s.
+
+    Raises:
+        EstimationError: An argument has the wrong shape, is not finite or negative, or the
+            prior is not positive definite.
+    """
+
+    def __init__(
+        self,
+        prior_mean: ArrayLike,
+        prior_covariance: ArrayLike,
+        *,
+        sigma_p_m: float,
+        process_noise: ArrayLike,
+        max_wait_s: float = 0.3,
+        history_s: float = 5.0,
+        max_extrapolation_s: float = 0.5,
+    ) -> None:
+        self._x = as_finite("prior_mean", prior_mean, 6)
+        self._P = as_covariance("prior_covariance", prior_covariance, 6, 6)
+        self._psd = as_finite("process_noise", process_noise, 3)
+        if self._x.ndim != 1 or self._P.ndim != 2 or self._psd.ndim != 1:
+            raise EstimationError("A tracker has one prior: no leading axes.")
+        motion.process_noise(0.0, self._psd)
+        self._sigma_p = as_not_negative("sigma_p_m", sigma_p_m)
+        self._max_wait_s = as_not_negative("max_wait_s", max_wait_s)
+        self._history_s = as_not_negative("history_s", history_s)
+        self._reach_s = as_not_negative("max_extrapolation_s", max_extrapolation_s)
+
+        self._epoch_s: float | None = None
+        self._newest_position_s = -math.inf
+        self._positions: dict[int, PositionHistory] = {}
+        self._pending: dict[tuple[float, int], dict[int, _Measurement]] = {}
+        self._used_receivers: dict[tuple[float, int], set[int]] = {}
+
+        self.used = 0
+        self.dropped: Counter[str] = Counter()
+        self.guard_firings = 0
+
+    @property
+    def epoch_s(self) -> float | None:
+        """Epoch of the track, s; None before the first measurement."""
+        return self._epoch_s
+
+    def add_position(
+        self, vehicle: int, epoch_s: float, position_enu: Vector, velocity_enu: Vector
+    ) -> None:
+        """Take a vehicle's reported position.
+
+        Args:
+            vehicle: Its system id.
+            epoch_s: Epoch of the sample, s.
+            position_enu: m.
+            velocity_enu: m/s.
+        """
+        if not (math.isfinite(epoch_s) and _is_plausible(*position_enu, *velocity_enu)):
+            self.dropped["invalid_position"] += 1
+            return
+        history = self._positions.get(vehicle)
+        if history is None:
+            history = PositionHistory(self._history_s, self._reach_s)
+            self._positions[vehicle] = history
+        history.add(epoch_s, position_enu, velocity_enu)
+        self._newest_position_s = max(self._newest_position_s, epoch_s)
+
+    def add_range_differences(
+        self,
+        epoch_s: float,
+        reference: int,
+        receivers: Sequence[int],
+        rd_m: Sequence[float],
+        sigma_m: Sequence[float],
+        rho: float,
+    ) -> None:
+        """Take range differences of one epoch; more of the same epoch may follow.
+
+        Args:
+            epoch_s: Epoch of reception, s.
+            reference: System id of the reference's vehicle.
+            receivers: System ids of the companions.
+            rd_m: Range difference of each, m.
+            sigma_m: 1-sigma of each, m.
+            rho: Share of each variance that comes from the reference receiver, [0, 1).
+
+        Raises:
+            EstimationError: The three sequences differ in length.
+        """
+        if not len(receivers) == len(rd_m) == len(sigma_m):
+            raise EstimationError(
+                "receivers, rd_m and sigma_m must have one entry per range difference; they "
+                f"have {len(receivers)}, {len(rd_m)} and {len(sigma_m)}."
+            )
+        if not (math.isfinite(epoch_s) and 0.0 <= rho < 1.0):
+            self.dropped["invalid"] += len(receivers)
+            return
+        key = (epoch_s, reference)
+        used = self._used_receivers.get(key, ())
+        pending = self._pending.get(key, {})
+        for receiver, rd, sigma in zip(receivers, rd_m, sigma_m, strict=True):
+            if receiver == reference or not (sigma > 0.0 and _is_plausible(rd, sigma)):
+                self.dropped["invalid"] += 1
+            elif receiver in pending or receiver in used:
+                self.dropped["duplicate"] += 1
+            else:
+                pending[receiver] = _Measurement(rd, sigma, rho)
+        if pending:
+            self._pending[key] = pending
+
+    def process(self) -> list[TrackUpdate]:
+        """Use every pending measurement whose time has come, in the order of their epochs.
+
+        A measurement older than the track updates the state expressed at its own epoch, which
+        then returns to the track's; the process noise of the few seconds between is neglected.
+
+        Returns:
+            One entry per measurement used, the track after it.
+        """
+        updates = []
+        for key in sorted(self._pending):
+            if not self._is_due(key):
+                continue
+            measurements = self._pending.pop(key)
+            update = self._use(*key, measurements)
+            if update is not None:
+                updates.append(update)
+        if updates:
+            self._forget_before(updates[-1].epoch_s - self._history_s)
+        return updates
+
+    def predict_to(self, epoch_s: float) -> tuple[Array, Array]:
+        """State and covariance at an epoch; the track itself stays as it is.
+
+        Args:
+            epoch_s: s. Before the track's own epoch the state goes back without process noise.
+
+        Returns:
+            x (6,) and P (6, 6); the prior before the first measurement.
+
+        Raises:
+            EstimationError: The epoch is not finite.
+        """
+        if not math.isfinite(epoch_s):
+            raise EstimationError(f"epoch_s must be finite, not {epoch_s!r}.")
+        if self._epoch_s is None:
+            return self._x.copy(), self._P.copy()
+        dt = epoch_s - self._epoch_s
+        if dt < 0.0:
+            return motion.transport(self._x, self._P, dt)
+        return motion.predict(self._x, self._P, dt, self._psd)
+
+    def _is_due(self, key: tuple[float, int]) -> bool:
+        epoch_s, reference = key
+        newest = self._newest_position_s
+        # Positions that never come must not let measurements pile up: one further ahead of
+        # all positions than the history is long is used up (and dropped) at once.
+        if epoch_s < newest - self._max_wait_s or epoch_s > newest + self._history_s:
+            return True
+        if epoch_s > newest:
+            return False
+        positions = self._positions
+        return all(
+            vehicle in positions and positions[vehicle].brackets(epoch_s)
+            for vehicle in (reference, *self._pending[key])
+        )
+
+    def _use(
+        self, epoch_s: float, reference: int, measurements: dict[int, _Measurement]
+    ) -> TrackUpdate | None:
+        if self._epoch_s is not None and epoch_s < self._epoch_s - self._history_s:
+            self.dropped["too_old"] += len(measurements)
+            return None
+        reference_at = self._position_at(reference, epoch_s)
+        companions = {receiver: self._position_at(receiver, epoch_s) for receiver in measurements}
+        receivers = [
+            receiver
+            for receiver, position in companions.items()
+            if reference_at is not None and position is not None
+        ]
+        if len(receivers) < len(measurements):
+            self.dropped["no_position"] += len(measurements) - len(receivers)
+        if not receivers:
+            return None
+
+        rd, sigma, rho = np.array([measurements[receiver] for receiver in receivers]).T
+        track_epoch_s = epoch_s if self._epoch_s is None else max(self._epoch_s, epoch_s)
+        x, P = self.predict_to(epoch_s)
+        try:
+            result = ncrkf.update(
+                x,
+                P,
+                np.array(reference_at),
+                np.array([companions[receiver] for receiver in receivers]),
+                rd,
+                rd_covariance(sigma, rho),
+                self._sigma_p,
+            )
+        except EstimationError:
+            self.dropped["singular"] += len(receivers)
+            return None
+        self._x, self._P = result.x, result.P
+        if epoch_s < track_epoch_s:
+            self._x, self._P = motion.transport(self._x, self._P, track_epoch_s - epoch_s)
+        self._epoch_s = track_epoch_s
+        self._used_receivers.setdefault((epoch_s, reference), set()).update(receivers)
+        guarded = bool(result.guarded)
+        self.used += len(receivers)
+        self.guard_firings += guarded
+        east, north, up, v_east, v_north, v_up = self._x.tolist()
+        return TrackUpdate(
+            track_epoch_s,
+            (east, north, up),
+            (v_east, v_north, v_up),
+            self._P.copy(),
+            float(result.nis),
+            len(receivers),
+            guarded,
+        )
+
+    def _position_at(self, vehicle: int, epoch_s: float) -> Vector | None:
+        history = self._positions.get(vehicle)
+        return None if history is None else history.at(epoch_s)
+
+    def _forget_before(self, oldest_s: float) -> None:
+        """Forget which measurements were used once repeats would be too old anyway."""
+        for key in [key for key in self._used_receivers if key[0] < oldest_s]:
+            del self._used_receivers[key]
+
+
+def _is_plausible(*values: float) -> bool:
+    return all(-_ABSURD < value < _ABSURD for value in values)
