@@ -1,0 +1,150 @@
+"""The words the link's modules share, below :mod:`swarmctl.events` and above the wire.
+
+Units and frames as in the package docstring: :mod:`swarmctl.link.codec` has converted them.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Literal
+
+import msgspec
+
+from swarmctl.events import (
+    GpsFix,
+    HomePosition,
+    LandedState,
+    StatusText,
+    Vector,
+    VehicleAttitude,
+    VehicleClock,
+    VehicleStatus,
+    VehicleVersion,
+)
+
+
+class MavCmd(IntEnum):
+    """The MAV_CMDs in use."""
+
+    NAV_TAKEOFF = 22
+    DO_SET_MODE = 176
+    COMPONENT_ARM_DISARM = 400
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+
+
+class MessageId(IntEnum):
+    """The messages that are read."""
+
+    HEARTBEAT = 0
+    SYS_STATUS = 1
+    SYSTEM_TIME = 2
+    GPS_RAW_INT = 24
+    ATTITUDE = 30
+    GLOBAL_POSITION_INT = 33
+    COMMAND_ACK = 77
+    AUTOPILOT_VERSION = 148
+    HOME_POSITION = 242
+    EXTENDED_SYS_STATE = 245
+    STATUSTEXT = 253
+
+
+class Frame(msgspec.Struct, frozen=True, gc=False):
+    """One checked MAVLink frame.
+
+    Attributes:
+        raw: The whole frame as it was on the wire.
+        sysid: System id of the sender.
+        compid: Component id of the sender.
+        seq: Sequence number, 0..255.
+        message_id: MAVLink message id.
+        payload: Payload; MAVLink 2 cuts trailing zeros.
+    """
+
+    raw: bytes
+    sysid: int
+    compid: int
+    seq: int
+    message_id: int
+    payload: bytes
+
+
+class Fault(msgspec.Struct, frozen=True, gc=False):
+    """Why bytes could not be used.
+
+    Attributes:
+        kind: ``not_mavlink``, ``truncated``, ``bad_crc``, ``unknown_message``,
+            ``unsupported_flags`` or ``implausible``.
+        detail: What was wrong, without where it came from and without a full stop.
+    """
+
+    kind: str
+    detail: str
+
+
+class HeartbeatFact(msgspec.Struct, frozen=True, gc=False):
+    """HEARTBEAT of a flight controller; what ``custom_mode`` means depends on the autopilot.
+
+    Attributes:
+        autopilot: The flight stack.
+        is_multirotor: Whether MAV_TYPE is a multirotor.
+        custom_mode: The autopilot's own mode number.
+        armed: Whether the motors are armed.
+    """
+
+    autopilot: Literal["ardupilot", "px4", "other"]
+    is_multirotor: bool
+    custom_mode: int
+    armed: bool
+
+
+class PositionFact(msgspec.Struct, frozen=True):
+    """GLOBAL_POSITION_INT; its UTC depends on the vehicle's clock. Fields as VehiclePosition."""
+
+    boot_s: float
+    lat_rad: float
+    lon_rad: float
+    alt_amsl_m: float
+    velocity_enu: Vector
+
+
+class CommandAck(msgspec.Struct, frozen=True, gc=False):
+    """COMMAND_ACK.
+
+    Attributes:
+        command: MAV_CMD that is answered.
+        result: MAV_RESULT's name without its prefix, for example ``DENIED``.
+        target_system: System id of the ground station that asked; 0 if not said.
+    """
+
+    command: int
+    result: str
+    target_system: int
+
+
+Fact = (
+    HeartbeatFact
+    | PositionFact
+    | CommandAck
+    | GpsFix
+    | HomePosition
+    | LandedState
+    | StatusText
+    | VehicleAttitude
+    | VehicleClock
+    | VehicleStatus
+    | VehicleVersion
+)
+"""What a frame says: an event at once if its meaning is all on the wire."""
+
+
+class CommandLong(msgspec.Struct, frozen=True):
+    """COMMAND_LONG to an autopilot.
+
+    Attributes:
+        command: MAV_CMD.
+        params: The first of the seven parameters; the others are 0.
+    """
+
+    command: MavCmd
+    params: tuple[float, ...]

@@ -1,0 +1,340 @@
+"""The whole swarm's MAVLink link without any I/O: datagrams in and out, facts and commands."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Collection
+from typing import Literal
+
+from swarmctl.events import (
+    Command,
+    CommandOutcome,
+    GoTo,
+    Heartbeat,
+    HomePosition,
+    InputRejected,
+    LandedState,
+    Mode,
+    Observation,
+    StatusText,
+    VehicleClock,
+    VehiclePosition,
+)
+from swarmctl.link import codec
+from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.clock import BootClock
+from swarmctl.link.exchange import Exchange
+from swarmctl.link.facts import (
+    CommandAck,
+    Fact,
+    Fault,
+    Frame,
+    HeartbeatFact,
+    MessageId,
+    PositionFact,
+)
+from swarmctl.link.statistics import LinkStatistics
+
+Address = tuple[str, int]
+
+_PERIOD_S = 1.0
+"""Between our own heartbeats, and between two reports of link quality."""
+_SAME_TIME_S = 2.0
+"""Two addresses heard within this time speak at the same time."""
+
+
+class _Vehicle:
+    """What the link keeps about one vehicle."""
+
+    def __init__(self, sysid: int, address: Address, encoder: codec.Encoder, now: float) -> None:
+        self.address = address
+        self.encoder = encoder
+        self.heard_s = now
+        self.rival: Address | None = None
+        self.rival_heard_s = now
+        self.is_supported = False
+        self.home_alt_amsl_m: float | None = None
+        self.clock = BootClock()
+        self.statistics = LinkStatistics(now)
+        self.exchange = Exchange(sysid)
+
+
+class MavlinkLink:
+    """MAVLink with every vehicle of a swarm, however many share a port.
+
+    The caller hands in every datagram, calls :meth:`handle_timer` when :meth:`next_timer` is
+    due, and after any call drains :meth:`events`, :meth:`datagrams` and :meth:`traffic`. All
+    times are monotonic seconds and must not run backwards.
+
+    Vehicles are told apart by system id. A vehicle exists from the first HEARTBEAT of its
+    autopilot component on; it is answered where it was last heard from.
+
+    Args:
+        gcs_sysid: Our own system id; messages that carry it are nobody's.
+        vehicles: System ids that belong to the swarm; None for any.
+
+    Attributes:
+        messages_in: Sound frames received, from whomever.
+        setpoints_out: Setpoints sent.
+        setpoints_dropped: Setpoints not sent: the vehicle is unknown or no ArduCopter, or a
+            field is not finite.
+        rejected: How often each kind of fault was met; the first of each kind was named in an
+            InputRejected.
+    """
+
+    def __init__(self, *, gcs_sysid: int, vehicles: Collection[int] | None) -> None:
+        self._gcs_sysid = gcs_sysid
+        self._expected = None if vehicles is None else frozenset(vehicles)
+        self._vehicles: dict[int, _Vehicle] = {}
+        # One per address, because sequence numbers count per channel.
+        self._encoders: dict[Address, codec.Encoder] = {}
+        self._next_period_s = math.inf
+        self._events: list[Observation] = []
+        self._datagrams: list[tuple[bytes, Address]] = []
+        self._traffic: list[tuple[float, bytes]] = []
+        self.messages_in = 0
+        self.setpoints_out = 0
+        self.setpoints_dropped = 0
+        self.rejected: Counter[str] = Counter()
+
+    # --- In and out --------------------------------------------------------------------
+
+    def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
+        """Take a datagram that came from an address."""
+        frames, faults = codec.split(data)
+        for fault in faults:
+            self._reject_bytes(fault, data, address, now)
+        for frame in frames:
+            self.messages_in += 1
+            self._traffic.append((now, frame.raw))
+            if frame.compid != codec.AUTOPILOT_COMPONENT or frame.sysid == self._gcs_sysid:
+                continue
+            vehicle = self._vehicles.get(frame.sysid) or self._meet(frame, address, now)
+            if vehicle is None or not self._is_where(vehicle, frame.sysid, address, now):
+                continue
+            vehicle.statistics.count(frame.seq)
+            fact = codec.read(frame, now)
+            if isinstance(fact, Fault):
+                self._reject_bytes(fact, data, address, now)
+            elif fact is not None:
+                self._take(fact, frame.sysid, vehicle, now)
+
+    def send(self, command: Command, now: float) -> None:
+        """Send a command, or queue it behind those its vehicle has not acknowledged yet.
+
+        Each command but GoTo ends in one CommandOutcome. GoTo leaves at once, or not at all:
+        then it is counted in ``setpoints_dropped``.
+        """
+        vehicle = self._vehicles.get(command.sysid)
+        if isinstance(command, GoTo):
+            frame = None
+            if vehicle is not None and vehicle.is_supported:
+                frame = vehicle.encoder.setpoint(command, now)
+            if vehicle is None or frame is None:
+                self.setpoints_dropped += 1
+            else:
+                self.setpoints_out += 1
+                self._transmit(frame, vehicle.address, now)
+        elif vehicle is None:
+            self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
+        elif not vehicle.is_supported:
+            self._end(command, "refused", "its HEARTBEAT says that it is no ArduCopter", now)
+        else:
+            request = ardupilot.request_for(command, vehicle.home_alt_amsl_m)
+            if isinstance(request, str):
+                self._end(command, "refused", request, now)
+            else:
+                vehicle.exchange.submit(request, now)
+                self._flush(vehicle, command.sysid, now)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due: heartbeats, reports, retries."""
+        if now >= self._next_period_s:
+            self._next_period_s += _PERIOD_S
+            if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
+                self._next_period_s = now + _PERIOD_S
+            for address in dict.fromkeys(vehicle.address for vehicle in self._vehicles.values()):
+                self._transmit(self._encoders[address].heartbeat(), address, now)
+            for sysid, vehicle in self._vehicles.items():
+                self._events.append(vehicle.statistics.report(sysid, now))
+        for sysid, vehicle in self._vehicles.items():
+            if now >= vehicle.exchange.next_timer():
+                vehicle.exchange.handle_timer(now)
+                self._flush(vehicle, sysid, now)
+
+    def next_timer(self) -> float:
+        """When :meth:`handle_timer` is due; infinity while no vehicle is known."""
+        retries = (vehicle.exchange.next_timer() for vehicle in self._vehicles.values())
+        return min((self._next_period_s, *retries))
+
+    def events(self) -> list[Observation]:
+        """Drain the observations, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def datagrams(self) -> list[tuple[bytes, Address]]:
+        """Drain what is to be sent, and where to."""
+        datagrams, self._datagrams = self._datagrams, []
+        return datagrams
+
+    def traffic(self) -> list[tuple[float, bytes]]:
+        """Drain every sound frame that came in or went out, with its time, for the tlog."""
+        traffic, self._traffic = self._traffic, []
+        return traffic
+
+    @property
+    def addresses(self) -> dict[int, Address]:
+        """Where each vehicle known by its system id was last heard from."""
+        return {sysid: vehicle.address for sysid, vehicle in self._vehicles.items()}
+
+    # --- Who speaks --------------------------------------------------------------------
+
+    def _meet(self, frame: Frame, address: Address, now: float) -> _Vehicle | None:
+        """A new vehicle, if this frame makes one."""
+        if frame.message_id != MessageId.HEARTBEAT or codec.read(frame, now) is None:
+            return None
+        # System id 0 would make every command a broadcast.
+        if frame.sysid == 0 or (self._expected is not None and frame.sysid not in self._expected):
+            self._reject(
+                "unexpected_vehicle",
+                f"System id {frame.sysid} at {_at(address)} is no vehicle of this mission: give "
+                f"it an id of the mission's, or keep it off this port.",
+                now,
+            )
+            return None
+        vehicle = _Vehicle(frame.sysid, address, self._encoder_at(address), now)
+        if not self._vehicles:
+            self._next_period_s = now
+        self._vehicles[frame.sysid] = vehicle
+        return vehicle
+
+    def _is_where(self, vehicle: _Vehicle, sysid: int, address: Address, now: float) -> bool:
+        """Whether the vehicle may speak from this address.
+
+        One that falls silent and comes back elsewhere has moved. While two addresses speak by
+        turns they are two vehicles with the same system id, and the first is the one.
+        """
+        if address == vehicle.address:
+            vehicle.heard_s = now
+            if vehicle.rival is not None and now - vehicle.rival_heard_s < _SAME_TIME_S:
+                self._reject(
+                    "duplicate_sysid",
+                    f"System id {sysid} speaks from {_at(address)} and from {_at(vehicle.rival)} "
+                    f"at the same time: only the first is used; give each vehicle its own id.",
+                    now,
+                )
+            vehicle.rival = None
+            return True
+        if now - vehicle.heard_s < _SAME_TIME_S:
+            vehicle.rival = address
+            vehicle.rival_heard_s = now
+            return False
+        vehicle.address = address
+        vehicle.encoder = self._encoder_at(address)
+        vehicle.heard_s = now
+        vehicle.rival = None
+        return True
+
+    def _encoder_at(self, address: Address) -> codec.Encoder:
+        if address not in self._encoders:
+            self._encoders[address] = codec.Encoder(self._gcs_sysid)
+        return self._encoders[address]
+
+    # --- What is said ------------------------------------------------------------------
+
+    def _take(self, fact: Fact, sysid: int, vehicle: _Vehicle, now: float) -> None:
+        """Report a fact and let those who wait for it know."""
+        match fact:
+            case PositionFact():
+                self._events.append(
+                    VehiclePosition(
+                        received_s=now,
+                        sysid=sysid,
+                        boot_s=fact.boot_s,
+                        epoch_utc_s=vehicle.clock.to_utc(fact.boot_s),
+                        lat_rad=fact.lat_rad,
+                        lon_rad=fact.lon_rad,
+                        alt_amsl_m=fact.alt_amsl_m,
+                        velocity_enu=fact.velocity_enu,
+                    )
+                )
+                return
+            case HeartbeatFact():
+                heartbeat = self._heartbeat(fact, sysid, vehicle, now)
+                self._events.append(heartbeat)
+                vehicle.exchange.on_state(heartbeat, now)
+            case CommandAck():
+                # Another ground station on the same network gets its answers, too.
+                if fact.target_system in {0, self._gcs_sysid}:
+                    vehicle.exchange.on_ack(fact, now)
+            case _:
+                self._events.append(fact)
+                if isinstance(fact, LandedState):
+                    vehicle.exchange.on_state(fact, now)
+                elif isinstance(fact, StatusText):
+                    vehicle.exchange.on_text(fact.text, now)
+                elif isinstance(fact, VehicleClock):
+                    vehicle.clock.update(fact.utc_s, fact.boot_s)
+                elif isinstance(fact, HomePosition):
+                    vehicle.home_alt_amsl_m = fact.alt_amsl_m
+        self._flush(vehicle, sysid, now)
+
+    def _heartbeat(
+        self, fact: HeartbeatFact, sysid: int, vehicle: _Vehicle, now: float
+    ) -> Heartbeat:
+        vehicle.is_supported = fact.autopilot == "ardupilot" and fact.is_multirotor
+        if vehicle.is_supported:
+            mode, mode_name = ardupilot.mode_of(fact.custom_mode)
+        else:
+            mode, mode_name = Mode.OTHER, str(fact.custom_mode)
+        return Heartbeat(
+            received_s=now,
+            sysid=sysid,
+            autopilot=fact.autopilot,
+            is_multirotor=fact.is_multirotor,
+            mode=mode,
+            mode_name=mode_name,
+            armed=fact.armed,
+        )
+
+    def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
+        detail = f"{fault.detail}, in a datagram of {len(data)} bytes from {_at(address)}."
+        self._reject(fault.kind, detail, now)
+
+    def _reject(self, kind: str, detail: str, now: float) -> None:
+        self.rejected[kind] += 1
+        if self.rejected[kind] == 1:
+            self._events.append(
+                InputRejected(received_s=now, source="mavlink", kind=kind, detail=detail)
+            )
+
+    # --- What is answered --------------------------------------------------------------
+
+    def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
+        """Send and report what the vehicle's exchange has decided."""
+        for attempt in vehicle.exchange.attempts():
+            frame = vehicle.encoder.command_long(sysid, attempt.command, attempt.confirmation)
+            self._transmit(frame, vehicle.address, now)
+        self._events.extend(vehicle.exchange.outcomes())
+
+    def _end(
+        self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float
+    ) -> None:
+        self._events.append(
+            CommandOutcome(
+                received_s=now,
+                sysid=command.sysid,
+                command=type(command).__name__,
+                result=result,
+                detail=detail,
+            )
+        )
+
+    def _transmit(self, frame: bytes, address: Address, now: float) -> None:
+        self._datagrams.append((frame, address))
+        self._traffic.append((now, frame))
+
+
+def _at(address: Address) -> str:
+    return f"{address[0]}:{address[1]}"

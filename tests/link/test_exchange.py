@@ -1,0 +1,454 @@
+"""The command protocol in virtual time: a vehicle that is slow, deaf, stubborn or confused."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from swarmctl.events import CommandOutcome, Heartbeat, LandedState, Mode
+from swarmctl.link.exchange import Attempt, Exchange, Request, State
+from swarmctl.link.facts import CommandAck, CommandLong, MavCmd
+
+ASK = CommandLong(MavCmd.REQUEST_MESSAGE, (242.0,))
+ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
+TAKE_OFF = CommandLong(MavCmd.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0))
+INTERVALS = tuple(
+    CommandLong(MavCmd.SET_MESSAGE_INTERVAL, (float(message), 1e6)) for message in (33, 2, 242)
+)
+
+
+def shows_armed(state: State) -> bool:
+    return isinstance(state, Heartbeat) and state.armed
+
+
+def shows_airborne(state: State) -> bool:
+    return isinstance(state, LandedState) and state.state == "taking_off"
+
+
+REQUEST_HOME = Request("RequestHome", (ASK,))
+REQUEST_ARM = Request("Arm", (ARM,), shows_armed, needs_state=True)
+REQUEST_TAKE_OFF = Request("TakeOff", (TAKE_OFF,), shows_airborne)
+REQUEST_STREAMS = Request("StreamTelemetry", INTERVALS)
+
+
+class Bench:
+    """An exchange with a clock that moves from timer to timer."""
+
+    def __init__(self) -> None:
+        self.exchange = Exchange(3)
+        self.now = 100.0
+        self.sent: list[tuple[float, Attempt]] = []
+        self.outcomes: list[CommandOutcome] = []
+
+    def submit(self, *requests: Request) -> None:
+        for request in requests:
+            self.exchange.submit(request, self.now)
+        self._drain()
+
+    def ack(self, command: MavCmd, result: str = "ACCEPTED") -> None:
+        self.exchange.on_ack(CommandAck(command, result, 255), self.now)
+        self._drain()
+
+    def heartbeat(self, *, armed: bool) -> None:
+        state = Heartbeat(
+            received_s=self.now,
+            sysid=3,
+            autopilot="ardupilot",
+            is_multirotor=True,
+            mode=Mode.OTHER,
+            mode_name="STABILIZE",
+            armed=armed,
+        )
+        self.exchange.on_state(state, self.now)
+        self._drain()
+
+    def taking_off(self) -> None:
+        self.exchange.on_state(
+            LandedState(received_s=self.now, sysid=3, state="taking_off"), self.now
+        )
+        self._drain()
+
+    def text(self, text: str) -> None:
+        self.exchange.on_text(text, self.now)
+        self._drain()
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, serving timers when they are due and never otherwise."""
+        end = self.now + seconds
+        while self.exchange.next_timer() <= end:
+            self.now = self.exchange.next_timer()
+            self.exchange.handle_timer(self.now)
+            self._drain()
+        self.now = end
+
+    def _drain(self) -> None:
+        self.sent += [(self.now, attempt) for attempt in self.exchange.attempts()]
+        self.outcomes += self.exchange.outcomes()
+
+    @property
+    def times_sent(self) -> list[float]:
+        return [when - 100.0 for when, _ in self.sent]
+
+    @property
+    def results(self) -> list[tuple[str, str]]:
+        return [(outcome.command, outcome.result) for outcome in self.outcomes]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+# --- Answers ---------------------------------------------------------------------------
+
+
+def test_an_accepted_command_ends_at_once_and_leaves_no_timer(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    assert bench.sent == [(100.0, Attempt(ASK, 0))]
+    bench.wait(0.25)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.outcomes == [
+        CommandOutcome(
+            received_s=100.25, sysid=3, command="RequestHome", result="accepted", detail="ACCEPTED"
+        )
+    ]
+    assert bench.exchange.next_timer() == math.inf
+    bench.wait(60.0)
+    assert len(bench.sent) == len(bench.outcomes) == 1
+
+
+@pytest.mark.parametrize(
+    "result", ["TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "MAV_RESULT 77"]
+)
+def test_a_refusal_names_the_result(bench: Bench, result: str) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.ack(MavCmd.REQUEST_MESSAGE, result)
+    bench.wait(1.0)
+    assert bench.results == [("RequestHome", "refused")]
+    assert bench.outcomes[0].detail == result
+    assert len(bench.sent) == 1
+
+
+def test_an_ack_of_another_command_is_none(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")
+    bench.wait(0.9)
+    assert bench.outcomes == []
+
+
+def test_an_ack_nobody_waits_for_is_ignored(bench: Bench) -> None:
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert (bench.sent, bench.outcomes) == ([], [])
+
+
+# --- Loss ------------------------------------------------------------------------------
+
+
+def test_four_tries_one_second_apart_with_a_rising_confirmation_counter(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.wait(60.0)
+    assert bench.sent == [(100.0 + n, Attempt(ASK, n)) for n in range(4)]
+    assert bench.results == [("RequestHome", "no_answer")]
+    assert bench.outcomes[0].received_s == 104.0
+    assert bench.outcomes[0].detail == "no COMMAND_ACK to 4 tries in 4.0 s"
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_the_answer_to_a_later_try_counts(bench: Bench, lost: int) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.wait(lost + 0.1)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.results == [("RequestHome", "accepted")]
+    assert len(bench.sent) == lost + 1
+
+
+def test_a_late_timer_call_does_not_skip_a_try(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.exchange.handle_timer(103.7)
+    assert len(bench.exchange.attempts()) == 1
+    assert bench.exchange.next_timer() == 104.7
+
+
+# --- Order -----------------------------------------------------------------------------
+
+
+def test_one_command_at_a_time_in_order(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME, REQUEST_ARM, REQUEST_TAKE_OFF)
+    assert [attempt.command for _, attempt in bench.sent] == [ASK]
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert [attempt.command for _, attempt in bench.sent] == [ASK, ARM]
+    bench.heartbeat(armed=True)
+    assert [attempt.command for _, attempt in bench.sent] == [ASK, ARM, TAKE_OFF]
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    assert [name for name, _ in bench.results] == ["RequestHome", "Arm", "TakeOff"]
+
+
+def test_the_next_command_leaves_after_one_without_answer(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME, REQUEST_TAKE_OFF)
+    bench.wait(4.0)
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    assert bench.results == [("RequestHome", "no_answer"), ("TakeOff", "accepted")]
+
+
+# --- In progress -----------------------------------------------------------------------
+
+
+def test_in_progress_extends_the_wait_without_a_retry(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    for _ in range(3):
+        bench.wait(0.9)
+        bench.ack(MavCmd.REQUEST_MESSAGE, "IN_PROGRESS")
+    bench.wait(4.9)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.results == [("RequestHome", "accepted")]
+    assert len(bench.sent) == 1
+
+
+def test_in_progress_and_then_silence_is_no_answer(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.ack(MavCmd.REQUEST_MESSAGE, "IN_PROGRESS")
+    bench.wait(60.0)
+    assert bench.results == [("RequestHome", "no_answer")]
+    assert bench.outcomes[0].received_s == 105.0
+    assert bench.outcomes[0].detail == "IN_PROGRESS, then no word for 5 s"
+
+
+# --- Several steps ---------------------------------------------------------------------
+
+
+def test_every_step_is_acknowledged_before_the_next_and_the_outcome_is_one(bench: Bench) -> None:
+    bench.submit(REQUEST_STREAMS, REQUEST_HOME)
+    for step in range(3):
+        assert [attempt for _, attempt in bench.sent] == [
+            Attempt(command, 0) for command in INTERVALS[: step + 1]
+        ]
+        assert bench.outcomes == []
+        bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    assert bench.results == [("StreamTelemetry", "accepted")]
+    assert bench.sent[-1][1] == Attempt(ASK, 0)
+
+
+def test_a_refused_step_ends_the_request_and_is_named(bench: Bench) -> None:
+    bench.submit(REQUEST_STREAMS)
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL, "DENIED")
+    bench.wait(60.0)
+    assert bench.results == [("StreamTelemetry", "refused")]
+    assert bench.outcomes[0].detail == "DENIED to SET_MESSAGE_INTERVAL(2, 1000000)"
+    assert len(bench.sent) == 2
+
+
+# --- Late and repeated answers ---------------------------------------------------------
+
+
+def test_the_other_answers_to_a_retried_step_do_not_answer_the_next_step(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME, REQUEST_STREAMS)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.wait(2.1)
+    for _ in range(3):  # to each of three tries, the first one late
+        bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    steps = [attempt.command for _, attempt in bench.sent if attempt.command is not ASK]
+    assert steps == [INTERVALS[0]] * 3 + [INTERVALS[1]]
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    assert bench.sent[-1][1] == Attempt(INTERVALS[2], 0)
+
+
+def test_where_the_second_answer_never_comes_one_retry_makes_up_for_it(bench: Bench) -> None:
+    bench.submit(REQUEST_STREAMS)
+    bench.wait(1.1)
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)  # the only answer: the first try was lost
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)  # to the second step, but taken for a late one
+    bench.wait(1.0)
+    assert bench.sent[-1][1] == Attempt(INTERVALS[1], 1)
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    assert bench.sent[-1][1] == Attempt(INTERVALS[2], 0)
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    assert bench.results == [("StreamTelemetry", "accepted")]
+
+
+def test_a_late_refusal_does_not_refuse_the_same_command_asked_again(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.wait(1.2)
+    bench.ack(MavCmd.REQUEST_MESSAGE, "FAILED")
+    bench.wait(0.3)
+    bench.submit(REQUEST_HOME)
+    bench.ack(MavCmd.REQUEST_MESSAGE, "FAILED")  # to the second try of the first
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.results == [("RequestHome", "refused"), ("RequestHome", "accepted")]
+
+
+def test_answers_are_late_for_a_second_only(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.wait(4.0)
+    bench.wait(1.0)
+    bench.submit(REQUEST_HOME)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.results == [("RequestHome", "no_answer"), ("RequestHome", "accepted")]
+
+
+def test_a_repeated_answer_gives_no_second_outcome(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME, REQUEST_TAKE_OFF)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.ack(MavCmd.REQUEST_MESSAGE, "FAILED")
+    assert bench.results == [("RequestHome", "accepted")]
+
+
+def test_answers_repeated_by_the_network_do_not_make_the_next_one_late(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.heartbeat(armed=True)
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
+    bench.wait(0.3)
+    assert bench.results == [("Arm", "accepted"), ("Arm", "refused")]
+
+
+# --- Confirmation by state -------------------------------------------------------------
+
+
+def test_an_ack_alone_does_not_confirm(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.wait(2.5)
+    assert bench.outcomes == []
+    bench.heartbeat(armed=False)
+    assert bench.outcomes == []
+    bench.heartbeat(armed=True)
+    assert bench.results == [("Arm", "accepted")]
+
+
+def test_the_state_confirms_where_the_ack_was_lost(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.wait(0.2)
+    bench.heartbeat(armed=True)
+    assert bench.results == [("Arm", "accepted")]
+    bench.wait(60.0)
+    assert len(bench.sent) == 1
+
+
+def test_a_state_before_the_command_left_confirms_nothing(bench: Bench) -> None:
+    bench.heartbeat(armed=True)
+    bench.submit(REQUEST_HOME, REQUEST_ARM)
+    bench.heartbeat(armed=True)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.wait(0.5)
+    assert bench.results == [("RequestHome", "accepted")]
+
+
+def test_a_state_that_does_not_follow_the_ack_is_a_refusal(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.wait(1.0)
+    bench.heartbeat(armed=False)
+    bench.wait(60.0)
+    assert bench.results == [("Arm", "refused")]
+    assert bench.outcomes[0].received_s == 103.0
+    expected = "ACCEPTED, but after 3 s HEARTBEAT shows STABILIZE and disarmed"
+    assert bench.outcomes[0].detail == expected
+
+
+def test_no_heartbeat_after_the_ack_is_no_answer(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.heartbeat(armed=False)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.wait(60.0)
+    assert bench.results == [("Arm", "no_answer")]
+    assert bench.outcomes[0].detail == "ACCEPTED, but no HEARTBEAT for 3 s"
+
+
+def test_where_the_ack_is_enough_no_state_is_waited_for(bench: Bench) -> None:
+    bench.submit(REQUEST_TAKE_OFF)
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    assert bench.results == [("TakeOff", "accepted")]
+
+
+def test_a_refused_retry_is_accepted_if_the_state_shows_that_the_first_try_worked(
+    bench: Bench,
+) -> None:
+    bench.submit(REQUEST_TAKE_OFF)  # obeyed, its ACK lost
+    bench.wait(1.1)
+    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")  # to the retry: it is airborne already
+    assert bench.outcomes == []
+    bench.wait(0.5)
+    bench.taking_off()
+    assert bench.results == [("TakeOff", "accepted")]
+
+
+def test_a_refused_first_try_stays_refused_whatever_the_state_shows(bench: Bench) -> None:
+    bench.submit(REQUEST_TAKE_OFF)
+    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")  # it was airborne before
+    bench.taking_off()
+    bench.wait(1.0)
+    assert bench.results == [("TakeOff", "refused")]
+
+
+def test_a_refused_retry_is_refused_if_no_state_shows_otherwise(bench: Bench) -> None:
+    bench.submit(REQUEST_TAKE_OFF)
+    bench.wait(1.1)
+    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")
+    bench.text("not in this mode")
+    assert bench.outcomes == []
+    bench.wait(1.9)
+    assert bench.outcomes == []
+    bench.wait(1.1)
+    assert bench.results == [("TakeOff", "refused")]
+
+
+# --- Reasons ---------------------------------------------------------------------------
+
+
+def test_the_reason_may_come_before_the_refusal(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.text("Arm: first")
+    bench.text("Arm: Need Position Estimate")
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
+    assert bench.results == [("Arm", "refused")]
+    assert bench.outcomes[0].detail == "FAILED: Arm: Need Position Estimate"
+
+
+def test_the_reason_may_come_shortly_after_the_refusal(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
+    bench.wait(0.2)
+    assert bench.outcomes == []
+    bench.text("Arm: Need Position Estimate")
+    assert bench.outcomes[0].detail == "FAILED: Arm: Need Position Estimate"
+    assert bench.outcomes[0].received_s == 100.2
+
+
+def test_a_reason_is_waited_for_shortly_only(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
+    bench.wait(60.0)
+    assert bench.outcomes[0].detail == "FAILED"
+    assert bench.outcomes[0].received_s == 100.3
+
+
+def test_what_was_said_before_the_command_is_no_reason(bench: Bench) -> None:
+    bench.text("EKF3 IMU0 is using GPS")
+    bench.wait(0.1)
+    bench.submit(REQUEST_ARM)
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
+    bench.wait(1.0)
+    assert bench.outcomes[0].detail == "FAILED"
+
+
+def test_what_was_said_long_ago_is_no_reason(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    bench.text("EKF3 IMU0 is using GPS")
+    bench.wait(2.1)
+    bench.ack(MavCmd.REQUEST_MESSAGE, "FAILED")
+    bench.wait(1.0)
+    assert bench.outcomes[0].detail == "FAILED"
+
+
+def test_a_text_does_not_end_a_command_that_was_not_refused(bench: Bench) -> None:
+    bench.submit(REQUEST_ARM)
+    bench.text("Arming motors")
+    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
+    bench.text("Arming motors")
+    assert bench.outcomes == []
