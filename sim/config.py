@@ -39,7 +39,8 @@ class VehicleConfig:
         limits: Performance.
         boot_delay_s: Simulation time at which it powers up.
         silent: Fault: never says a word.
-        refuses_arming: Fault: denies every request to arm, with a STATUSTEXT.
+        refuses_arming: Fault: denies every request to arm, with a STATUSTEXT; as with checks
+            that run only then, the pre-arm bit of SYS_STATUS does not tell.
         dies_at_s: Fault: falls silent at this simulation time (link lost); None for never.
     """
 

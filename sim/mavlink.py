@@ -1,0 +1,78 @@
+"""The vehicles' MAVLink 2 codec, on pymavlink and independent of the controller's."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+__all__ = [
+    "ACCEPTED",
+    "AUTOPILOT_COMPONENT",
+    "DENIED",
+    "FAILED",
+    "UNSUPPORTED",
+    "Codec",
+    "Message",
+    "dialect",
+]
+
+Message: TypeAlias = Any
+"""A pymavlink message object; pymavlink ships no type information."""
+
+AUTOPILOT_COMPONENT: int = dialect.MAV_COMP_ID_AUTOPILOT1
+
+ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
+DENIED: int = dialect.MAV_RESULT_DENIED
+UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
+FAILED: int = dialect.MAV_RESULT_FAILED
+
+
+class _Outbox:
+    """The file pymavlink writes to: one entry per message."""
+
+    __slots__ = ("datagrams", "write")
+
+    def __init__(self) -> None:
+        self.datagrams: list[bytes] = []
+        self.write = self.datagrams.append
+
+
+class Codec:
+    """Encodes and decodes for one vehicle.
+
+    Args:
+        sysid: System id to send as.
+    """
+
+    __slots__ = ("_mav", "_outbox")
+
+    def __init__(self, sysid: int) -> None:
+        self._outbox = _Outbox()
+        self._mav = dialect.MAVLink(self._outbox, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
+        self._mav.robust_parsing = True
+
+    def send(self, message: Message) -> None:
+        """Queue a message as a datagram of its own."""
+        # send() and not pack(): only send() counts the sequence number on.
+        self._mav.send(message)
+
+    def drain(self) -> list[bytes]:
+        """The datagrams queued since the last call, in order."""
+        datagrams = self._outbox.datagrams[:]
+        self._outbox.datagrams.clear()
+        return datagrams
+
+    def decode(self, datagram: bytes) -> list[Message]:
+        """The well-formed, known messages in a datagram; whatever else is in it is dropped."""
+        mav = self._mav
+        # A datagram begins and ends whole messages: what a truncated one left in the parser
+        # would swallow the beginning of the next.
+        mav.buf = bytearray()
+        mav.buf_index = 0
+        messages = mav.parse_buffer(datagram) or ()  # None where nothing was complete
+        return [
+            message
+            for message in messages
+            if not isinstance(message, dialect.MAVLink_bad_data | dialect.MAVLink_unknown)
+        ]

@@ -1,0 +1,154 @@
+"""The asyncio shell of the simulator: UDP for the vehicles, MQTT for receivers and truth."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import time
+from collections.abc import Callable
+
+import aiomqtt
+
+from sim.config import SimConfig
+from sim.errors import SimError
+from sim.world import World
+
+TURN_S = 0.002
+"""Wall time between turns: at a speed-up of 20 a datagram waits at most 40 simulated ms."""
+LONGEST_TURN_S = 1.0
+"""Simulated time one turn makes up for at most.
+
+On a machine too slow for its speed-up the simulation then slows down, instead of serving its
+sockets ever less often.
+"""
+
+# paho leaves Nagle's algorithm on, which holds back small messages until the last one is
+# acknowledged: up to 40 ms, or almost a second at a speed-up of 20.
+_NO_DELAY = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+_log = logging.getLogger(__name__)
+
+
+class _Socket(asyncio.DatagramProtocol):
+    """A vehicle's UDP socket, connected to the controller."""
+
+    def __init__(self, sysid: int, shell: Shell) -> None:
+        self._sysid = sysid
+        self._shell = shell
+
+    def datagram_received(self, data: bytes, addr: tuple[str | int, int]) -> None:
+        self._shell.received(self._sysid, data)
+
+    def error_received(self, exc: Exception) -> None:
+        # Nobody listens yet, or any more: a radio would not notice either.
+        _log.debug("UAV %d: %s", self._sysid, exc)
+
+
+class Shell:
+    """Moves bytes between a world and its sockets by the wall clock.
+
+    Args:
+        config: The simulation.
+        speedup: Simulated seconds per second.
+    """
+
+    def __init__(self, config: SimConfig, speedup: float) -> None:
+        self._world = World(config)
+        self._speedup = speedup
+        self._sockets: dict[int, asyncio.DatagramTransport] = {}
+        self._origin_s = time.monotonic()
+
+    async def open(self, sysid: int, controller: tuple[str, int]) -> None:
+        """Open a vehicle's socket."""
+        loop = asyncio.get_running_loop()
+        try:
+            self._sockets[sysid], _ = await loop.create_datagram_endpoint(
+                lambda: _Socket(sysid, self), remote_addr=controller
+            )
+        except OSError as error:
+            host, port = controller
+            raise SimError(
+                f"The simulated UAV {sysid} cannot send to the controller at {host}:{port} "
+                f"({error}): name an address of this machine or its network."
+            ) from error
+
+    def close(self) -> None:
+        """Close every socket."""
+        for transport in self._sockets.values():
+            transport.close()
+
+    def start(self) -> None:
+        """Let simulation time begin now."""
+        self._origin_s = time.monotonic()
+
+    def turn(self) -> list[tuple[str, bytes]]:
+        """Catch up with the wall clock; returns what is to be published."""
+        wanted_s = (time.monotonic() - self._origin_s) * self._speedup
+        reached_s = min(wanted_s, self._world.time_s + LONGEST_TURN_S)
+        self._origin_s += (wanted_s - reached_s) / self._speedup
+        self._world.advance(reached_s)
+        self._send()
+        return self._world.publications()
+
+    def received(self, sysid: int, data: bytes) -> None:
+        """Deliver a datagram and send what it makes the vehicle say."""
+        self._world.receive_datagram(sysid, data)
+        self._send()
+
+    def _send(self) -> None:
+        for sysid, datagram in self._world.datagrams():
+            self._sockets[sysid].sendto(datagram)
+
+
+async def serve(
+    config: SimConfig,
+    *,
+    controller: tuple[str, int],
+    broker: tuple[str, int],
+    credentials: tuple[str, str | None] | None = None,
+    speedup: float = 1.0,
+    ready: Callable[[], None] | None = None,
+    stop: asyncio.Event,
+) -> None:
+    """Simulate by the wall clock until told to stop.
+
+    Every vehicle has a UDP socket of its own that talks to the controller alone; range
+    differences and truth are published at QoS 0.
+
+    Args:
+        config: The simulation.
+        controller: Host and port the vehicles send to; nobody need listen there yet.
+        broker: Host and port of the MQTT broker, which must be up.
+        credentials: User name and password for the broker; None for an anonymous client.
+        speedup: Simulated seconds per second.
+        ready: Called once everything is open and time begins.
+        stop: Ends the simulation when set.
+
+    Raises:
+        SimError: The configuration contradicts itself, the controller's address cannot be
+            sent to, or the broker cannot be reached or goes away.
+    """
+    shell = Shell(config, speedup)
+    host, port = broker
+    user, password = credentials if credentials is not None else (None, None)
+    try:
+        for vehicle in config.vehicles:
+            await shell.open(vehicle.sysid, controller)
+        async with aiomqtt.Client(
+            host, port, username=user, password=password, socket_options=[_NO_DELAY]
+        ) as client:
+            shell.start()
+            if ready is not None:
+                ready()
+            while not stop.is_set():
+                for topic, payload in shell.turn():
+                    await client.publish(topic, payload)
+                await asyncio.sleep(TURN_S)
+    except aiomqtt.MqttError as error:
+        raise SimError(
+            f"The simulator has no MQTT broker at {host}:{port} ({error}): "
+            "start one there, or name one that runs."
+        ) from error
+    finally:
+        shell.close()
