@@ -1,0 +1,264 @@
+"""The debrief: what a flight achieved, accumulated while it flies. No I/O, no clock.
+
+The controller never sees the emitter's truth; the debrief does, when a simulator publishes it.
+Figures that need it are None without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from swarmctl.events import (
+    Decision,
+    EmitterTruth,
+    Estimate,
+    MissionEnded,
+    Observation,
+    PhaseChanged,
+    Plan,
+    RangeDifferences,
+    Record,
+    VehiclePosition,
+)
+from swarmctl.frames import LocalFrame, Vector
+from swarmctl.recorder.accuracy import Accuracy, Outcome
+from swarmctl.recorder.distances import Distances
+from swarmctl.recorder.series import Extremes, FlightSeries
+from swarmctl.recorder.truth import MAX_EXTRAPOLATION_S, TruthTrack
+
+
+@dataclass(frozen=True)
+class DebriefSettings:
+    """What the debrief has to know of the mission.
+
+    Attributes:
+        frame: The mission's local frame.
+        reference: System id of the reference UAV.
+        observing_phases: Names of the phases that count for accuracy and formation keeping.
+        prior_mean: Prior position of the emitter, ENU, m.
+        prior_covariance: Covariance of the prior on (position, velocity), (6, 6), SI.
+        process_noise: Power spectral density of the emitter's acceleration as the tracker
+            assumes it, (3,), m²/s³.
+        sigma_p_m: 1-sigma of a reported UAV position per axis, m.
+        d_max_m: Limit of a follower's distance from the reference UAV, m.
+        stand_off_m: Limit of any UAV's distance from the emitter, m.
+    """
+
+    frame: LocalFrame
+    reference: int
+    observing_phases: frozenset[str]
+    prior_mean: Vector
+    prior_covariance: ArrayLike
+    process_noise: ArrayLike
+    sigma_p_m: float
+    d_max_m: float
+    stand_off_m: float
+
+
+class Debrief:
+    """Accumulates the figures and series of one flight, record by record.
+
+    Args:
+        settings: The mission's side of it.
+
+    Attributes:
+        settings: As given.
+        series: What the plots are drawn from.
+    """
+
+    def __init__(self, settings: DebriefSettings) -> None:
+        self.settings = settings
+        self.series = FlightSeries()
+        self._truth = TruthTrack()
+        self._accuracy = Accuracy(
+            reference=settings.reference,
+            prior_covariance=settings.prior_covariance,
+            process_noise=settings.process_noise,
+            sigma_p_m=settings.sigma_p_m,
+            truth=self._truth,
+            series=self.series,
+        )
+        self._distances = Distances(self._truth, self.series)
+        self._began_s: float | None = None
+        self._last_s = 0.0
+        self._observing = False
+        self._formed_at_s: float | None = None
+        self._slot_error_sq_sum = 0.0
+        self._slot_errors = 0
+        self._max_slot_error_m: float | None = None
+        self._max_range_m: float | None = None
+        self._rd_measurements = 0
+        self._estimates = 0
+        self._end: MissionEnded | None = None
+        self._takers: dict[type[Record], Callable[[Any, float], None]] = {
+            VehiclePosition: self._position,
+            RangeDifferences: self._range_differences,
+            Estimate: self._estimate,
+            Plan: self._plan,
+            EmitterTruth: self._emitter,
+            PhaseChanged: self._phase,
+            MissionEnded: self._mission_ended,
+        }
+
+    def record(self, record: Record) -> None:
+        """Take a record, in the order in which the core saw or made it.
+
+        Commands carry no time and say nothing that the debrief asks for.
+        """
+        if isinstance(record, Observation):
+            now = record.received_s
+        elif isinstance(record, Decision):
+            now = record.at_s
+        else:
+            return
+        if self._began_s is None:
+            self._began_s = now
+        self._last_s = now
+        take = self._takers.get(type(record))
+        if take is not None:
+            take(record, now - self._began_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Mission time from the first record to the end of the mission, or the last, s."""
+        if self._began_s is None:
+            return 0.0
+        return (self._last_s if self._end is None else self._end.at_s) - self._began_s
+
+    @property
+    def final_estimate(self) -> Estimate | None:
+        """The last estimate of the observing phases; of the flight, if it never observed."""
+        return self._accuracy.final_estimate
+
+    @property
+    def final(self) -> Outcome | None:
+        """The outcome of :attr:`final_estimate`; None without truth at its epoch."""
+        self._settle(self._truth.latest_s + MAX_EXTRAPOLATION_S)
+        return self._accuracy.final
+
+    def summary(self) -> dict[str, object]:
+        """The figures of the flight; lengths in m, times in s of mission time.
+
+        ``result``, ``detail``
+            How the mission ended; None if it did not.
+        ``duration_s``
+            From the first record to the end.
+        ``final_error_m``, ``final_sigma_m``, ``pcrb_final_m``, ``nees_final``, ``final_range_m``
+            At the last estimate of the observing phases (of the flight, if it never observed):
+            horizontal distance from the true emitter; larger horizontal 1-sigma axis of the
+            estimate and of the Cramér-Rao bound along the flown geometry; normalised
+            estimation error squared of the horizontal position (2 degrees of freedom); 3-D
+            distance of the reference UAV from the emitter.
+        ``nees_mean``
+            Mean horizontal NEES over the estimates of the observing phases after convergence.
+        ``converged_s``
+            From the first formed plan until the estimate converged, which is when its larger
+            1-sigma axis first was below 25 m; 0 if it converged while forming up.
+        ``slot_error_rms_m``, ``max_slot_error_m``, ``max_reference_range_m``
+            Of the followers, while the formation stood in the observing phases.
+        ``min_separation_m``, ``min_standoff_m``
+            Least 3-D distance of two airborne UAVs, and of an airborne UAV from the emitter.
+        ``d_max_m``, ``stand_off_m``
+            The mission's limits.
+        ``rd_measurements``, ``estimates``
+            Range differences received and estimates made.
+
+        May be called at any time, and again; truth may come up to 2 s short of the end.
+        """
+        accuracy, final, end = self._accuracy, self.final, self._end
+        converged_s = None
+        if accuracy.converged_at_s is not None and self._formed_at_s is not None:
+            converged_s = max(0.0, accuracy.converged_at_s - self._formed_at_s)
+        return {
+            "result": None if end is None else end.result,
+            "detail": None if end is None else end.detail,
+            "duration_s": self.duration_s,
+            "final_error_m": None if final is None else final.error_m,
+            "final_sigma_m": accuracy.final_sigma_m,
+            "final_range_m": None if final is None else final.range_m,
+            "pcrb_final_m": None if final is None else final.bound_m,
+            "nees_final": None if final is None else final.nees,
+            "nees_mean": accuracy.nees_mean,
+            "converged_s": converged_s,
+            "slot_error_rms_m": (
+                math.sqrt(self._slot_error_sq_sum / self._slot_errors)
+                if self._slot_errors
+                else None
+            ),
+            "max_slot_error_m": self._max_slot_error_m,
+            "max_reference_range_m": self._max_range_m,
+            "min_separation_m": self._distances.min_separation_m,
+            "min_standoff_m": self._distances.min_standoff_m,
+            "d_max_m": self.settings.d_max_m,
+            "stand_off_m": self.settings.stand_off_m,
+            "rd_measurements": self._rd_measurements,
+            "estimates": self._estimates,
+        }
+
+    def _position(self, record: VehiclePosition, time_s: float) -> None:
+        epoch_s = record.epoch_utc_s
+        if epoch_s is None:
+            return
+        alt = record.alt_amsl_m
+        position = self.settings.frame.to_enu(record.lat_rad, record.lon_rad, alt)
+        velocity = record.velocity_enu
+        self._accuracy.add_position(record.sysid, epoch_s, position, velocity)
+        self._distances.add(record.sysid, time_s, epoch_s, position, velocity, alt)
+
+    def _range_differences(self, record: RangeDifferences, _time_s: float) -> None:
+        self._rd_measurements += len(record.items)
+        self._accuracy.add_range_differences(record)
+
+    def _estimate(self, record: Estimate, time_s: float) -> None:
+        self._estimates += 1
+        self._accuracy.add_estimate(record, time_s, observing=self._observing)
+
+    def _phase(self, record: PhaseChanged, time_s: float) -> None:
+        self._observing = record.phase in self.settings.observing_phases
+        self.series.phases.append((time_s, record.phase))
+
+    def _mission_ended(self, record: MissionEnded, _time_s: float) -> None:
+        self._end = record
+
+    def _emitter(self, record: EmitterTruth, time_s: float) -> None:
+        position = self.settings.frame.to_enu(record.lat_rad, record.lon_rad, record.alt_amsl_m)
+        self._truth.add(record.epoch_utc_s, position, record.velocity_enu)
+        self.series.truth.add((time_s, *position))
+        self._settle(record.epoch_utc_s)
+
+    def _settle(self, until_s: float) -> None:
+        self._accuracy.settle(until_s)
+        self._distances.settle(until_s)
+
+    def _plan(self, plan: Plan, time_s: float) -> None:
+        if plan.formed and self._formed_at_s is None:
+            self._formed_at_s = time_s
+        counts = plan.formed and self._observing
+        for slot in plan.slots:
+            if slot.sysid == self.settings.reference:
+                continue
+            error, reach = slot.error_m, slot.range_to_reference_m
+            if error is not None:
+                _greatest(self.series.slot_errors, slot.sysid).add(time_s, error)
+            if reach is not None:
+                _greatest(self.series.ranges, slot.sysid).add(time_s, reach)
+            if not counts:
+                continue
+            if error is not None:
+                self._slot_error_sq_sum += error * error
+                self._slot_errors += 1
+                self._max_slot_error_m = max(self._max_slot_error_m or 0.0, error)
+            if reach is not None:
+                self._max_range_m = max(self._max_range_m or 0.0, reach)
+
+
+def _greatest(group: dict[int, Extremes], sysid: int) -> Extremes:
+    extremes = group.get(sysid)
+    if extremes is None:
+        extremes = group[sysid] = Extremes(max)
+    return extremes

@@ -1,0 +1,50 @@
+"""Where the true emitter was at any instant."""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.frames import Vector
+
+MAX_EXTRAPOLATION_S = 2.0
+"""A flight's last estimates may be this much younger than the last sample of the truth."""
+
+
+class TruthTrack:
+    """The true emitter's position between the samples that the simulator publishes.
+
+    Keeps the line through the last two samples: whoever needs a position waits for the first
+    sample at or after that instant, and no longer.
+
+    Attributes:
+        latest_s: UTC epoch of the last sample, s; minus infinity before the first.
+    """
+
+    __slots__ = ("_position", "_velocity", "latest_s")
+
+    def __init__(self) -> None:
+        self.latest_s = -math.inf
+        self._position: Vector = (math.nan, math.nan, math.nan)
+        self._velocity: Vector = (math.nan, math.nan, math.nan)
+
+    def add(self, epoch_s: float, position: Vector, velocity: Vector) -> None:
+        """Take a sample; one that is not newer than the last is left out.
+
+        Args:
+            epoch_s: UTC, s.
+            position: ENU, m.
+            velocity: ENU, m/s; used as long as there is one sample only.
+        """
+        elapsed = epoch_s - self.latest_s
+        if elapsed <= 0.0:
+            return
+        if math.isfinite(elapsed):
+            (x, y, z), (x0, y0, z0) = position, self._position
+            velocity = (x - x0) / elapsed, (y - y0) / elapsed, (z - z0) / elapsed
+        self.latest_s, self._position, self._velocity = epoch_s, position, velocity
+
+    def at(self, epoch_s: float) -> Vector:
+        """Position at an epoch (UTC, s), ENU m."""
+        dt = epoch_s - self.latest_s
+        (x, y, z), (vx, vy, vz) = self._position, self._velocity
+        return x + vx * dt, y + vy * dt, z + vz * dt

@@ -1,0 +1,92 @@
+"""One record of every kind, and a small flight with known figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+
+from swarmctl import events
+from swarmctl.events import Record
+
+
+def record_types(base: type[Record] = Record) -> Iterator[type[Record]]:
+    """All record classes that are recorded: the leaves of the tree."""
+    subclasses = base.__subclasses__()
+    if not subclasses:
+        yield base
+    for subclass in subclasses:
+        yield from record_types(subclass)
+
+
+VECTOR = (1.5, -2.5, 0.25)
+
+ONE_OF_EACH: tuple[Record, ...] = (
+    events.Heartbeat(
+        received_s=1.0, sysid=3, autopilot="ardupilot", is_multirotor=True,
+        mode=events.Mode.GUIDED, mode_name="GUIDED", armed=True,
+    ),
+    events.VehiclePosition(
+        received_s=1.0, sysid=3, boot_s=60.0, epoch_utc_s=None, lat_rad=0.8, lon_rad=0.1,
+        alt_amsl_m=120.0, velocity_enu=VECTOR,
+    ),
+    events.VehicleAttitude(
+        received_s=1.0, sysid=3, boot_s=60.0, roll_rad=0.1, pitch_rad=0.2, yaw_rad=0.3
+    ),
+    events.VehicleStatus(
+        received_s=1.0, sysid=3, battery_v=15.9, battery_fraction=None, prearm_ok=True
+    ),
+    events.GpsFix(received_s=1.0, sysid=3, fix_type=3, satellites=14),
+    events.HomePosition(received_s=1.0, sysid=3, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=40.0),
+    events.VehicleClock(received_s=1.0, sysid=3, utc_s=1.79e9, boot_s=60.0),
+    events.VehicleVersion(received_s=1.0, sysid=3, uid=2**63 + 5, flight_sw_version=0x04060000),
+    events.LandedState(received_s=1.0, sysid=3, state="in_air"),
+    events.StatusText(received_s=1.0, sysid=3, severity=4, text="Größe, \"quoted\""),
+    events.CommandOutcome(received_s=1.0, sysid=3, command="Arm", result="accepted", detail="-"),
+    events.LinkQuality(received_s=1.0, sysid=3, messages_in=100, lost=1, rate_hz=20.0),
+    events.InputRejected(received_s=1.0, source="feed", kind="not_json", detail="Bytes."),
+    events.RangeDifferences(
+        received_s=1.0, epoch_utc_s=1.79e9, reference=1,
+        items=(events.RangeDifference(receiver=2, rd_m=-12.0, sigma_m=3.0),),
+        rho=0.5, clock_sigma_s=1e-9, seq=4,
+    ),
+    events.FeedConnection(received_s=1.0, connected=False),
+    events.EmitterTruth(
+        received_s=1.0, epoch_utc_s=1.79e9, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=0.0,
+        velocity_enu=VECTOR,
+    ),
+    events.OperatorRequest(received_s=1.0, request="return_home"),
+    events.RequestHome(sysid=3),
+    events.RequestVersion(sysid=3),
+    events.StreamTelemetry(sysid=3, position_hz=10.0),
+    events.SetMode(sysid=3, mode=events.Mode.RETURN),
+    events.Arm(sysid=3),
+    events.Disarm(sysid=3),
+    events.TakeOff(sysid=3, alt_amsl_m=120.0),
+    events.GoTo(sysid=3, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=120.0, velocity_enu=VECTOR),
+    events.PhaseChanged(at_s=1.0, phase="observe", trigger="formed", reason="All in place."),
+    events.Estimate(
+        at_s=1.0, epoch_utc_s=1.79e9, position_enu=VECTOR, velocity_enu=VECTOR,
+        covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
+    ),
+    events.Plan(
+        at_s=1.0, los_rad=0.5, formed=True,
+        slots=(
+            events.Slot(
+                sysid=1, position_enu=VECTOR, velocity_enu=VECTOR, error_m=None,
+                range_to_reference_m=None,
+            ),
+            events.Slot(
+                sysid=2, position_enu=VECTOR, velocity_enu=VECTOR, error_m=1.5,
+                range_to_reference_m=200.0,
+            ),
+        ),
+    ),
+    events.Notice(at_s=1.0, level="warning", text="A sentence."),
+    events.MissionEnded(at_s=1.0, result="located", detail="Within 3 m."),
+)  # fmt: skip
+
+
+def again(record: Record) -> Record:
+    """The record after a trip through JSON."""
+    return msgspec.json.decode(msgspec.json.encode(record), type=type(record))
