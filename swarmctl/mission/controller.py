@@ -1,0 +1,414 @@
+"""The controller core: observations in, commands and decisions out, no clock of its own.
+
+Contract for whoever drives it:
+
+* hand every observation to :meth:`Controller.receive` with the monotonic time ``now``;
+* call :meth:`Controller.tick` when :meth:`Controller.next_tick` has come;
+* after either, send what :meth:`Controller.commands` drains and record what
+  :meth:`Controller.decisions` drains.
+
+The same observations at the same times give the same commands, byte for byte.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from swarmctl.events import (
+    Command,
+    CommandOutcome,
+    Decision,
+    FeedConnection,
+    GoTo,
+    InputRejected,
+    MissionEnded,
+    Mode,
+    Notice,
+    Observation,
+    OperatorRequest,
+    PhaseChanged,
+    Plan,
+    RangeDifferences,
+    Slot,
+    StatusText,
+    VehicleObservation,
+    VehiclePosition,
+)
+from swarmctl.frames import Vector
+from swarmctl.mission.fleet import Fleet, VehicleState
+from swarmctl.mission.launch import Landing, Launch
+from swarmctl.mission.model import Mission
+from swarmctl.mission.observer import Observer
+from swarmctl.mission.phases import FLYING_FORMATION, Phase, Trigger, can, next_phase
+from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.preflight import Preflight
+from swarmctl.mission.watch import Failure, Watch
+
+PERIOD_S = 0.1
+"""Control period, s."""
+FORMED_M = 3.0
+"""A follower counts as in its slot within this distance, m."""
+HOME_M = 3.0
+"""A vehicle counts as above its launch point within this horizontal distance, m."""
+
+
+class Controller:
+    """Flies one mission.
+
+    Args:
+        mission: The mission.
+        now: Controller's monotonic time, s.
+        hiccup_s: Silence that this computer may be to blame for (a busy processor delays
+            what vehicles say), in the controller's seconds; it is granted to every sender.
+
+    Raises:
+        FormationError: If the formation does not fit the mission's limits.
+    """
+
+    def __init__(self, mission: Mission, now: float, hiccup_s: float = 0.0) -> None:
+        self.mission = mission
+        self.frame = mission.frame
+        self.fleet = Fleet(
+            self.frame,
+            {v.sysid: VehicleState(v.sysid, v.altitude_amsl_m) for v in mission.swarm.vehicles},
+        )
+        self.observer = Observer(mission, hiccup_s)
+        self.planner = Planner(mission)
+        self.phase = Phase.WAITING
+        self.plan: Plan | None = None
+        self.started_s = now
+        self._watch = Watch(mission, hiccup_s)
+        self._phase_since = now
+        self._next_tick = now
+        self._last_tick = now
+        self._preflight = Preflight(mission, self.fleet, now)
+        self._launch: Launch | None = None
+        self._landing: Landing | None = None
+        self._released: set[int] = set()
+        self._worst_error_m = 0.0
+        self._result = ("", "")
+        self._commands: list[Command] = []
+        self._decisions: list[Decision] = []
+        self._notices: set[str] = set()
+        self._enter(Phase.WAITING, "start", "waiting for the vehicles", now)
+
+    # --- In and out ------------------------------------------------------------------
+
+    def receive(self, event: Observation, now: float) -> None:
+        """Take one observation."""
+        match event:
+            case VehicleObservation():
+                self.fleet.observe(event)
+                self._receive_vehicle(event, now)
+            case RangeDifferences():
+                self.observer.range_differences(event)
+                self._decisions += self.observer.process(now)
+            case OperatorRequest():
+                self._fail(Failure("cancelled", "the operator asked for the return home"), now)
+            case FeedConnection(connected=connected):
+                text = "the broker is back" if connected else "the broker is lost; reconnecting"
+                self._say(now, "warning", text, once=False)
+            case InputRejected():
+                self._say(now, "warning", f"{event.source}: {event.detail}")
+
+    def tick(self, now: float) -> None:
+        """Run one control period; call it when :meth:`next_tick` has come."""
+        dt = min(now - self._last_tick, 3.0 * PERIOD_S)
+        self._last_tick = now
+        # A late caller does not make up for lost periods in a burst.
+        self._next_tick = max(self._next_tick + PERIOD_S, now)
+        self._decisions += self.observer.process(now)
+        match self.phase:
+            case Phase.WAITING | Phase.CHECKING:
+                self._prepare(now)
+            case Phase.LAUNCHING:
+                self._go_up(now)
+            case Phase.LANDING:
+                self._come_down(now)
+            case Phase.ENDED:
+                pass
+            case _:
+                self._fly(now, dt)
+
+    def next_tick(self) -> float:
+        """When :meth:`tick` is due, controller's time, s."""
+        return self._next_tick
+
+    def commands(self) -> list[Command]:
+        """Drain the commands to send."""
+        drained, self._commands = self._commands, []
+        return drained
+
+    def decisions(self) -> list[Decision]:
+        """Drain the decisions to record and show."""
+        drained, self._decisions = self._decisions, []
+        return drained
+
+    @property
+    def ended(self) -> bool:
+        """Whether the mission is over."""
+        return self.phase is Phase.ENDED
+
+    @property
+    def result(self) -> tuple[str, str]:
+        """Result's name and one sentence; empty before they are known."""
+        return self._result
+
+    def progress(self, now: float) -> str:
+        """How far the phase is, in words."""
+        vehicles = self.fleet.vehicles.values()
+        match self.phase:
+            case Phase.WAITING:
+                return f"{self._preflight.heard} of {len(vehicles)} vehicles heard"
+            case Phase.CHECKING:
+                return f"{self._preflight.ready} of {len(vehicles)} vehicles ready"
+            case Phase.LAUNCHING if self._launch is not None:
+                return f"{self._launch.at_altitude} of {len(vehicles)} vehicles at altitude"
+            case Phase.FORMING:
+                return f"worst slot error {self._worst_error_m:.0f} m"
+            case Phase.APPROACHING:
+                return f"{self.planner.to_orbit_m(self.observer.target):.0f} m to the orbit"
+            case Phase.ORBITING:
+                done = now - self._phase_since
+                return f"{done:.0f} of {self.mission.goal.orbit_s:.0f} s observed"
+            case Phase.RETURNING:
+                return f"{max(self._home_distances(), default=0.0):.0f} m to the launch points"
+            case Phase.LANDING:
+                down = sum(not v.is_armed for v in vehicles)
+                return f"{down} of {len(vehicles)} vehicles disarmed"
+            case _:
+                return self._result[1]
+
+    # --- Phases ----------------------------------------------------------------------
+
+    def _enter(self, phase: Phase, trigger: str, reason: str, now: float) -> None:
+        self.phase = phase
+        self._phase_since = now
+        self._decisions.append(
+            PhaseChanged(at_s=now, phase=str(phase), trigger=trigger, reason=reason)
+        )
+
+    def _move(self, trigger: Trigger, reason: str, now: float) -> None:
+        self._enter(next_phase(self.phase, trigger), str(trigger), reason, now)
+
+    def _fail(self, failure: Failure, now: float) -> None:
+        if not can(self.phase, Trigger.FAILED):
+            self._say(now, "warning", f"{failure.detail} (already {self.phase})")
+            return
+        self._result = (failure.result, failure.detail)
+        airborne = self.phase not in {Phase.WAITING, Phase.CHECKING}
+        action = "bringing the swarm home" if airborne else "nothing has left the ground"
+        self._say(now, "error", f"{failure.detail}; {action}")
+        if airborne and self.phase not in FLYING_FORMATION:
+            self._begin_plan(now)
+        self._move(Trigger.FAILED, failure.detail, now)
+        if not airborne:
+            self._end(now)
+
+    def _end(self, now: float) -> None:
+        self._decisions.append(
+            MissionEnded(at_s=now, result=self._result[0], detail=self._result[1])
+        )
+
+    def _prepare(self, now: float) -> None:
+        preflight = self._preflight
+        self._commands += preflight.step(now)
+        if preflight.failure is not None:
+            self._fail(preflight.failure, now)
+        elif self.phase is Phase.WAITING and preflight.all_heard:
+            self._move(Trigger.HEARD, "every vehicle answers", now)
+        elif self.phase is Phase.CHECKING and preflight.complete:
+            self._launch = Launch(list(self.fleet.vehicles.values()), now)
+            self._move(Trigger.CHECKED, "every vehicle is ready", now)
+
+    def _go_up(self, now: float) -> None:
+        if self._launch is None:
+            return
+        self._commands += self._launch.step(now)
+        failure = self._launch.failure or self._watch.in_flight(self.fleet, (), False, now)
+        if failure is not None:
+            self._fail(failure, now)
+        elif self._launch.complete:
+            self._begin_plan(now)
+            self._move(Trigger.AIRBORNE, "every vehicle is at its altitude", now)
+
+    def _begin_plan(self, now: float) -> None:
+        utc = self.fleet.utc(now)
+        positions = np.zeros((len(self.fleet.vehicles), 2))
+        for i, vehicle in enumerate(self.fleet.vehicles.values()):
+            here = vehicle.position_at(utc) if utc is not None else None
+            if here is not None:
+                positions[i] = here[:2]
+        self.observer.predict(utc)
+        self.planner.begin(positions, self.observer.target)
+
+    def _fly(self, now: float, dt: float) -> None:
+        utc = self.fleet.utc(now)
+        self.observer.predict(utc)
+        launch = np.array([v.launch_enu for v in self.fleet.vehicles.values()])[:, :2]
+        planned = self.planner.step(
+            self.phase, self.observer.target, self._worst_error_m, launch, dt
+        )
+        self._command(planned)
+        self.plan = self._compare(planned, utc, now)
+        self._decisions.append(self.plan)
+        if planned.broken:
+            self._say(now, "warning", f"held the plan: it had {planned.broken[0]}")
+        self._release_taken_over(now)
+        if self.phase is Phase.RETURNING:
+            if all(distance < HOME_M for distance in self._home_distances()):
+                flying = [v for v in self.fleet.vehicles.values() if v.sysid not in self._released]
+                self._landing = Landing(flying, self._watch, now)
+                self._move(Trigger.HOME, "every vehicle is above its launch point", now)
+            return
+        failure = self._watch.in_flight(self.fleet, self._released, True, now)
+        failure = failure or self._watch.observing(
+            self.phase, bool(planned.broken), self.observer.last_used_s, self.started_s, now
+        )
+        if failure is not None:
+            self._fail(failure, now)
+        else:
+            self._advance(now)
+
+    def _advance(self, now: float) -> None:
+        goal, target = self.mission.goal, self.observer.target
+        if self.phase is Phase.FORMING and self._worst_error_m < FORMED_M:
+            self._move(Trigger.FORMED, "every follower is in its slot", now)
+        elif self.phase is Phase.APPROACHING and self.planner.at_radius(target):
+            self._move(Trigger.AT_RADIUS, "the stand-off circle is reached", now)
+        elif (
+            self.phase is Phase.ORBITING
+            and now - self._phase_since >= goal.orbit_s
+            and target.sigma_m <= goal.sigma_m
+        ):
+            self._result = (
+                "located",
+                f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)",
+            )
+            self._move(Trigger.OBSERVED, self._result[1], now)
+
+    def _come_down(self, now: float) -> None:
+        if self._landing is None:
+            return
+        self._commands += self._landing.step(now)
+        if self._landing.complete:
+            if self._landing.given_up:
+                ids = ", ".join(str(s) for s in self._landing.given_up)
+                self._say(now, "error", f"vehicle {ids} was not seen to land and disarm")
+            self._move(Trigger.LANDED, "every vehicle is on the ground and disarmed", now)
+            self._end(now)
+
+    # --- Details ---------------------------------------------------------------------
+
+    def _command(self, planned: Planned) -> None:
+        rows = zip(
+            self.fleet.vehicles.values(),
+            planned.positions.tolist(),
+            planned.velocities.tolist(),
+            strict=True,
+        )
+        for vehicle, position, velocity in rows:
+            if not self._is_ours(vehicle):
+                continue
+            lat, lon, _ = self.frame.to_geodetic(*position)
+            self._commands.append(
+                GoTo(
+                    sysid=vehicle.sysid,
+                    lat_rad=lat,
+                    lon_rad=lon,
+                    alt_amsl_m=vehicle.altitude_amsl_m,
+                    velocity_enu=tuple(velocity),
+                )
+            )
+
+    def _compare(self, planned: Planned, utc: float | None, now: float) -> Plan:
+        vehicles = list(self.fleet.vehicles.values())
+        here = [v.position_at(utc) if utc is not None else None for v in vehicles]
+        sysids = [v.sysid for v in vehicles]
+        reference = here[sysids.index(self.mission.swarm.reference)]
+        slots, worst = [], 0.0
+        for vehicle, position, slot, velocity in zip(
+            vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True
+        ):
+            error = _distance(position, slot)
+            is_reference = vehicle.sysid == self.mission.swarm.reference
+            reach = None if is_reference else _distance(position, reference)
+            if error is not None and not is_reference:
+                worst = max(worst, error)
+            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach))
+        self._worst_error_m = worst
+        return Plan(
+            at_s=now,
+            los_rad=planned.los.angle_rad,
+            formed=self.phase in FLYING_FORMATION and self.phase is not Phase.FORMING,
+            slots=tuple(slots),
+        )
+
+    def _home_distances(self) -> list[float]:
+        """Horizontal distance to the launch point of every vehicle still flown by us, m."""
+        distances = []
+        for vehicle in self.fleet.vehicles.values():
+            here, home = vehicle.position_enu, vehicle.launch_enu
+            if here is None or home is None or self._watch.is_lost(vehicle, self._last_tick):
+                continue
+            if not self._is_ours(vehicle):
+                continue
+            distances.append(float(np.hypot(here[0] - home[0], here[1] - home[1])))
+        return distances
+
+    def _is_ours(self, vehicle: VehicleState) -> bool:
+        """Whether a vehicle flies on our setpoints: airborne, guided, and not taken over."""
+        return vehicle.is_airborne and vehicle.is_guided and vehicle.sysid not in self._released
+
+    def _release_taken_over(self, now: float) -> None:
+        for vehicle in self.fleet.vehicles.values():
+            beat = vehicle.heartbeat
+            if (
+                beat is None
+                or not beat.armed
+                or beat.mode is Mode.GUIDED
+                or vehicle.sysid in self._released
+            ):
+                continue
+            self._released.add(vehicle.sysid)
+            self._fail(
+                Failure(
+                    "taken_over",
+                    f"vehicle {vehicle.sysid} left guided mode for {beat.mode_name}: it is no"
+                    " longer commanded",
+                ),
+                now,
+            )
+
+    def _receive_vehicle(self, event: VehicleObservation, now: float) -> None:
+        match event:
+            case VehiclePosition():
+                vehicle = self.fleet.vehicles.get(event.sysid)
+                if vehicle is not None and vehicle.position_enu is not None:
+                    self.observer.position(event, vehicle.position_enu)
+            case CommandOutcome():
+                if self._launch is not None and self.phase is Phase.LAUNCHING:
+                    self._commands += self._launch.outcome(event, now)
+                if event.result != "accepted":
+                    self._say(
+                        now,
+                        "warning",
+                        f"vehicle {event.sysid}: {event.command} {event.result} ({event.detail})",
+                    )
+            case StatusText() if event.severity <= 4:
+                self._say(now, "warning", f"vehicle {event.sysid} says: {event.text}")
+
+    def _say(
+        self, now: float, level: Literal["warning", "error"], text: str, *, once: bool = True
+    ) -> None:
+        if once and text in self._notices:
+            return
+        self._notices.add(text)
+        self._decisions.append(Notice(at_s=now, level=level, text=text))
+
+
+def _distance(a: Vector | None, b: Vector | None) -> float | None:
+    return None if a is None or b is None else math.dist(a, b)

@@ -1,0 +1,160 @@
+"""Getting every vehicle into the air, and back onto the ground: one small machine per vehicle."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from swarmctl.events import Arm, Command, CommandOutcome, Mode, SetMode, TakeOff
+from swarmctl.mission.fleet import VehicleState
+from swarmctl.mission.watch import Failure, Watch
+
+STAGGER_S = 2.0
+"""One vehicle starts this long after the other."""
+TAKE_OFF_TIMEOUT_S = 90.0
+"""A vehicle that is not at its altitude this long after the take-off command has failed."""
+AT_ALTITUDE_M = 2.0
+"""Climb complete within this of the altitude, m."""
+RETRY_S = 4.0
+"""A refused or unanswered landing is asked for again after this long."""
+LANDING_TIMEOUT_S = 300.0
+"""A vehicle that has not disarmed this long after the landing began is given up."""
+
+
+class Step(Enum):
+    """How far a launch is."""
+
+    GROUND = auto()
+    MODE = auto()
+    ARM = auto()
+    TAKE_OFF = auto()
+    CLIMB = auto()
+    UP = auto()
+
+
+_NEXT = {Step.MODE: Step.ARM, Step.ARM: Step.TAKE_OFF, Step.TAKE_OFF: Step.CLIMB}
+_REFUSED = {
+    Step.MODE: ("mode_refused", "switch to guided mode"),
+    Step.ARM: ("arming_refused", "arm"),
+    Step.TAKE_OFF: ("take_off_refused", "take off"),
+}
+_COMMAND_OF = {Step.MODE: "SetMode", Step.ARM: "Arm", Step.TAKE_OFF: "TakeOff"}
+
+
+class Launch:
+    """Guided mode, arm, take off, climb: each vehicle in turn, staggered in time.
+
+    Args:
+        vehicles: The vehicles in the order they start.
+        now: Controller's time, s.
+    """
+
+    def __init__(self, vehicles: list[VehicleState], now: float) -> None:
+        self._vehicles = {v.sysid: v for v in vehicles}
+        self._steps = {v.sysid: Step.GROUND for v in vehicles}
+        self._starts = {v.sysid: now + i * STAGGER_S for i, v in enumerate(vehicles)}
+        self._climbing_since: dict[int, float] = {}
+        self.failure: Failure | None = None
+
+    @property
+    def at_altitude(self) -> int:
+        """How many vehicles are at their altitude."""
+        return sum(step is Step.UP for step in self._steps.values())
+
+    @property
+    def complete(self) -> bool:
+        """Whether every vehicle is at its altitude."""
+        return self.at_altitude == len(self._steps)
+
+    def outcome(self, event: CommandOutcome, now: float) -> list[Command]:
+        """Take the end of a command's exchange; returns the next command."""
+        step = self._steps.get(event.sysid)
+        if step is None or _COMMAND_OF.get(step) != event.command or self.failure is not None:
+            return []
+        if event.result != "accepted":
+            name, verb = _REFUSED[step]
+            said = "refused to" if event.result == "refused" else "did not answer when told to"
+            self.failure = Failure(
+                name,
+                f"vehicle {event.sysid} {said} {verb} ({event.detail}): clear the cause on the"
+                " vehicle and start again",
+            )
+            return []
+        self._steps[event.sysid] = _NEXT[step]
+        vehicle = self._vehicles[event.sysid]
+        if _NEXT[step] is Step.ARM:
+            return [Arm(sysid=event.sysid)]
+        if _NEXT[step] is Step.TAKE_OFF:
+            return [TakeOff(sysid=event.sysid, alt_amsl_m=vehicle.altitude_amsl_m)]
+        self._climbing_since[event.sysid] = now
+        return []
+
+    def step(self, now: float) -> list[Command]:
+        """Advance with time; returns the commands that are due."""
+        commands: list[Command] = []
+        if self.failure is not None:
+            return commands
+        for sysid, vehicle in self._vehicles.items():
+            step = self._steps[sysid]
+            if step is Step.GROUND and now >= self._starts[sysid]:
+                self._steps[sysid] = Step.MODE
+                commands.append(SetMode(sysid=sysid, mode=Mode.GUIDED))
+            elif step is Step.CLIMB:
+                self._watch_climb(vehicle, now)
+        return commands
+
+    def _watch_climb(self, vehicle: VehicleState, now: float) -> None:
+        report = vehicle.position
+        if report is not None and report.alt_amsl_m > vehicle.altitude_amsl_m - AT_ALTITUDE_M:
+            self._steps[vehicle.sysid] = Step.UP
+        elif now - self._climbing_since[vehicle.sysid] > TAKE_OFF_TIMEOUT_S:
+            self.failure = Failure(
+                "take_off_timeout",
+                f"vehicle {vehicle.sysid} has not reached {vehicle.altitude_amsl_m:g} m AMSL"
+                f" {TAKE_OFF_TIMEOUT_S:g} s after take-off: check its climb rate and its load",
+            )
+
+
+class Landing:
+    """Land mode until disarmed, lowest vehicle first, staggered in time.
+
+    Args:
+        vehicles: The vehicles to land.
+        watch: Tells which of them are lost.
+        now: Controller's time, s.
+    """
+
+    def __init__(self, vehicles: list[VehicleState], watch: Watch, now: float) -> None:
+        self._watch = watch
+        ordered = sorted(vehicles, key=lambda v: v.altitude_amsl_m)
+        self._vehicles = ordered
+        self._since = now
+        self._ask_at = {v.sysid: now + i * STAGGER_S for i, v in enumerate(ordered)}
+        self._given_up: set[int] = set()
+
+    @property
+    def given_up(self) -> tuple[int, ...]:
+        """Vehicles that could not be seen to land."""
+        return tuple(sorted(self._given_up))
+
+    def step(self, now: float) -> list[Command]:
+        """Advance with time; returns the commands that are due."""
+        commands: list[Command] = []
+        for vehicle in self._vehicles:
+            if not vehicle.is_armed or vehicle.sysid in self._given_up:
+                continue
+            if self._watch.is_lost(vehicle, now) or now - self._since > LANDING_TIMEOUT_S:
+                self._given_up.add(vehicle.sysid)
+                continue
+            landing = vehicle.heartbeat is not None and vehicle.heartbeat.mode in {
+                Mode.LAND,
+                Mode.RETURN,
+            }
+            if not landing and now >= self._ask_at[vehicle.sysid]:
+                self._ask_at[vehicle.sysid] = now + RETRY_S
+                commands.append(SetMode(sysid=vehicle.sysid, mode=Mode.LAND))
+        return commands
+
+    @property
+    def complete(self) -> bool:
+        """Whether every vehicle has disarmed or was given up."""
+        return all(not v.is_armed or v.sysid in self._given_up for v in self._vehicles)

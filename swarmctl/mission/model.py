@@ -1,0 +1,326 @@
+"""The mission file as frozen data: what may be in it, with units and bounds.
+
+Field names carry their units. Angles are degrees here and only here (an operator writes the
+file); properties give radians. :func:`swarmctl.mission.loading.load_mission` reads a file and
+reports every fault in it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from swarmctl.frames import LocalFrame
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
+SysId = Annotated[int, Field(ge=1, le=250)]
+
+
+def _matching(pattern: str, allowed: str) -> AfterValidator:
+    """A validator whose fault says in words what is allowed."""
+
+    def check(value: str) -> str:
+        if re.fullmatch(pattern, value) is None:
+            raise PydanticCustomError("form", "should be {allowed}", {"allowed": allowed})
+        return value
+
+    return AfterValidator(check)
+
+
+Name = Annotated[
+    str, _matching(r"[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, hyphens and underscores")
+]
+UdpUrl = Annotated[
+    str, _matching(r"udpin://[^/:\s]+:\d{1,5}", "udpin://host:port, as in udpin://0.0.0.0:14550")
+]
+BrokerUrl = Annotated[
+    str, _matching(r"mqtts?://[^/\s]+", "mqtt://[user:password@]host[:port], or mqtts:// for TLS")
+]
+
+
+class Section(BaseModel):
+    """Base of all sections: frozen, and a misspelt field is a fault."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class Position(Section):
+    """A point on or above the earth.
+
+    Attributes:
+        lat_deg: Latitude, degrees.
+        lon_deg: Longitude, degrees.
+        alt_amsl_m: Altitude above mean sea level, m.
+    """
+
+    lat_deg: Annotated[float, Field(ge=-85.0, le=85.0)]
+    lon_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    alt_amsl_m: Altitude
+
+    @property
+    def geodetic(self) -> tuple[float, float, float]:
+        """Latitude, longitude (rad) and altitude AMSL (m)."""
+        return math.radians(self.lat_deg), math.radians(self.lon_deg), self.alt_amsl_m
+
+
+class Vehicle(Section):
+    """One UAV.
+
+    Attributes:
+        sysid: Its MAVLink system id.
+        altitude_amsl_m: The altitude it flies at, all mission long.
+    """
+
+    sysid: SysId
+    altitude_amsl_m: Altitude
+
+
+class Swarm(Section):
+    """Who flies, and how they are reached.
+
+    Attributes:
+        name: Used in MQTT topics.
+        autopilot: The flight stack of all vehicles.
+        link: Where the controller listens for MAVLink, ``udpin://host:port``.
+        gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).
+        reference: System id of the reference UAV.
+        vehicles: All UAVs, the reference included.
+    """
+
+    name: Name
+    autopilot: Literal["ardupilot"]
+    link: UdpUrl
+    gcs_sysid: SysId = 245
+    reference: SysId
+    vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=2, max_length=13)]
+
+    @property
+    def sysids(self) -> tuple[int, ...]:
+        """System ids of all vehicles, in the file's order."""
+        return tuple(v.sysid for v in self.vehicles)
+
+
+class Limits(Section):
+    """What bounds every command. Distances are 3-D.
+
+    Attributes:
+        d_max_m: Communication range: greatest distance of a companion from the reference UAV.
+        min_separation_m: Least distance between two UAVs.
+        stand_off_m: Least distance of any UAV from the emitter.
+        cruise_speed_mps: Speed of the swarm on its way.
+        max_speed_mps: Greatest ground speed commanded to any vehicle.
+        max_acceleration_mps2: Greatest acceleration commanded.
+        ceiling_amsl_m: Greatest altitude.
+        geofence_radius_m: Greatest horizontal distance from the origin.
+        battery_reserve: The swarm returns when any battery is below this fraction.
+    """
+
+    d_max_m: Positive
+    min_separation_m: Positive
+    stand_off_m: Positive
+    cruise_speed_mps: Positive
+    max_speed_mps: Positive
+    max_acceleration_mps2: Positive = 2.0
+    ceiling_amsl_m: Altitude
+    geofence_radius_m: Positive
+    battery_reserve: Annotated[float, Field(ge=0.0, le=0.9)] = 0.25
+
+
+class Formation(Section):
+    """How the companions stand.
+
+    Attributes:
+        design: ``perpendicular`` (the paper's rule, Eqs. 29 and 31, the odd companion behind
+            the reference) or ``uniform`` (its Remark 2).
+        margin_m: Slots are drawn at ``d_max_m`` less this.
+        stand_off_margin_m: The swarm keeps this much more than ``stand_off_m``.
+    """
+
+    design: Literal["perpendicular", "uniform"] = "perpendicular"
+    margin_m: Positive = 15.0
+    stand_off_margin_m: Positive = 25.0
+
+
+class Feed(Section):
+    """The measurement feed.
+
+    Attributes:
+        broker: ``mqtt://[user:password@]host:port``, or ``mqtts://`` for TLS.
+        timeout_s: The swarm returns when no range difference came for this long.
+    """
+
+    broker: BrokerUrl
+    timeout_s: Positive = 20.0
+
+
+class Filter(Section):
+    """What the tracker assumes.
+
+    Attributes:
+        sigma_p_m: 1-sigma of a reported UAV position, per axis.
+        process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity.
+    """
+
+    sigma_p_m: NonNegative = 0.5
+    process_noise_mps_per_sqrt_s: NonNegative = 0.02
+
+
+class EmitterPrior(Position):
+    """Where the emitter is believed to be before any measurement.
+
+    Attributes:
+        sigma_m: 1-sigma of the horizontal position, per axis.
+        altitude_sigma_m: 1-sigma of the altitude (the sea's surface: about a metre).
+        speed_sigma_mps: 1-sigma of the horizontal velocity, per axis.
+    """
+
+    sigma_m: Positive
+    altitude_sigma_m: Positive = 1.0
+    speed_sigma_mps: Positive = 2.0
+
+
+class Goal(Section):
+    """When the mission is done.
+
+    Attributes:
+        sigma_m: The emitter counts as located when the larger 1-sigma axis is below this.
+        orbit_s: Time to observe from the orbit.
+        time_limit_s: The swarm returns at the latest this long after the start.
+    """
+
+    sigma_m: Positive = 5.0
+    orbit_s: Positive = 60.0
+    time_limit_s: Positive = 1800.0
+
+
+class SimEmitter(Position):
+    """The true emitter of a simulation.
+
+    Attributes:
+        drift_mps: Speed of its drift.
+        course_deg: Compass direction it drifts towards.
+        wander_mps_per_sqrt_s: Random walk of its horizontal velocity, per axis.
+    """
+
+    drift_mps: NonNegative = 0.0
+    course_deg: Annotated[float, Field(ge=0.0, lt=360.0)] = 0.0
+    wander_mps_per_sqrt_s: NonNegative = 0.0
+
+
+class SimReceivers(Section):
+    """The simulated receivers.
+
+    Attributes:
+        rate_hz: Epochs a second.
+        sigma_m: 1-sigma of a range difference.
+        rho: Share of its variance that the reference receiver contributes.
+    """
+
+    rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
+    sigma_m: Positive = 3.0
+    rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
+
+
+class SimNavigation(Section):
+    """The error of the positions that simulated vehicles report, per axis.
+
+    Attributes:
+        white_sigma_m: White part.
+        correlated_sigma_m: First-order Gauss-Markov part; the vehicle flies it, too.
+        correlated_tau_s: Its correlation time.
+    """
+
+    white_sigma_m: NonNegative = 0.5
+    correlated_sigma_m: NonNegative = 0.0
+    correlated_tau_s: Positive = 60.0
+
+
+class SimWind(Section):
+    """The simulated wind.
+
+    Attributes:
+        speed_mps: Mean speed.
+        from_deg: Compass direction it comes from.
+        gust_sigma_mps: 1-sigma of the gusts, per axis.
+    """
+
+    speed_mps: Annotated[float, Field(ge=0.0, le=30.0)] = 0.0
+    from_deg: Annotated[float, Field(ge=0.0, lt=360.0)] = 0.0
+    gust_sigma_mps: NonNegative = 0.0
+
+
+class SimFault(Section):
+    """Something that goes wrong with one simulated vehicle.
+
+    Attributes:
+        sysid: The vehicle.
+        kind: ``silent`` (never says a word), ``refuses_arming``, or ``dies`` (falls silent).
+        at_s: Simulation time of ``dies``.
+    """
+
+    sysid: SysId
+    kind: Literal["silent", "refuses_arming", "dies"]
+    at_s: NonNegative = 0.0
+
+
+class Simulation(Section):
+    """The truth, for missions that are simulated. The controller never reads this section.
+
+    Attributes:
+        seed: Seed of every random draw.
+        launch_spacing_m: Distance between launch points, eastwards from the origin.
+        emitter: The true emitter.
+        receivers: The receivers.
+        navigation: Errors of the reported positions.
+        wind: The wind.
+        faults: What goes wrong.
+    """
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    launch_spacing_m: Positive = 20.0
+    emitter: SimEmitter
+    receivers: SimReceivers = SimReceivers()
+    navigation: SimNavigation = SimNavigation()
+    wind: SimWind = SimWind()
+    faults: tuple[SimFault, ...] = ()
+
+
+class Mission(Section):
+    """A whole mission file.
+
+    Attributes:
+        name: Name of the mission; names the recording.
+        description: One line for the console.
+        swarm: Who flies.
+        origin: Where local east-north-up coordinates are zero: the launch area, ground level.
+        limits: What bounds every command.
+        formation: How the companions stand.
+        feed: Where the range differences come from.
+        filter: What the tracker assumes.
+        emitter: Where the emitter is believed to be before any measurement.
+        goal: When the mission is done.
+        sim: The truth; left out of a mission for real vehicles.
+    """
+
+    name: Name
+    description: str = ""
+    swarm: Swarm
+    origin: Position
+    limits: Limits
+    formation: Formation = Formation()
+    feed: Feed
+    filter: Filter = Filter()
+    emitter: EmitterPrior
+    goal: Goal = Goal()
+    sim: Simulation | None = None
+
+    @property
+    def frame(self) -> LocalFrame:
+        """The local ENU frame of the mission."""
+        return LocalFrame(*self.origin.geodetic)

@@ -1,0 +1,313 @@
+"""The planned motion of every vehicle, one control period at a time.
+
+A virtual structure: the reference UAV's plan follows the guidance law, the companions' plans
+follow their slots around it, and each plan is bent by stand-off and geofence, limited in speed
+and acceleration, and judged as a whole before it becomes a command. Every vehicle keeps its
+own altitude all mission long, so crossing paths stay apart by height.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.formation.constraints import Bounds, keep_inside, keep_outside, limit, violations
+from swarmctl.formation.designs import DESIGNS
+from swarmctl.formation.guidance import (
+    LineOfSight,
+    approach_and_orbit,
+    follow_line_of_sight,
+    go_to,
+    orbit_speed,
+)
+from swarmctl.formation.slots import assign, level_design, slot_offsets
+from swarmctl.frames import Vector
+from swarmctl.mission.model import Mission
+from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
+
+Array = NDArray[np.float64]
+Vector2 = tuple[float, float]
+
+SLOT_GAIN = 0.5
+"""Speed with which a planned companion closes on its slot, 1/s."""
+ARRIVED_M = 10.0
+"""The stand-off circle counts as reached this far outside it, m."""
+HOMING_SHARE = 0.9
+"""Share of the greatest speed flown on the way home, where nobody has a formation to keep."""
+TRUSTED_SPEED_SIGMA_MPS = 0.5
+"""The emitter's estimated velocity is fed forward once its 1-sigma is below this."""
+LEASH_M = (4.0, 12.0)
+"""The reference slows from full speed to a stop as the worst slot error grows between these."""
+REFERENCE_SHARE = 0.4
+"""Share of the greatest acceleration the reference uses: the outer followers need more than it."""
+BRAKING_SHARE = 0.3
+"""Share of the greatest acceleration counted on to stop before a limit."""
+CORRECTION_SHARE = 0.7
+"""Share of the followers' spare speed that corrections of the LOS may take."""
+FENCE_MARGIN_M = 10.0
+"""Plans are turned back this far inside the geofence."""
+ORBIT_SHARE = 0.95
+"""Share of its greatest orbit speed the reference flies: followers keep some to correct with."""
+RANGE_GUARD = 3.0
+"""The reference does not approach nearer than this many sigmas of the estimate."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """The estimate as guidance sees it: ENU, m and m/s; sigmas are 1-sigma larger axes."""
+
+    position_enu: Vector
+    velocity_enu: Vector
+    sigma_m: float
+    speed_sigma_mps: float
+
+    @property
+    def trusted_velocity(self) -> tuple[float, float]:
+        """Horizontal velocity to feed forward: zero until it is known well enough."""
+        if self.speed_sigma_mps > TRUSTED_SPEED_SIGMA_MPS:
+            return (0.0, 0.0)
+        return self.velocity_enu[:2]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One period's plan: rows in the mission file's order of vehicles.
+
+    Attributes:
+        positions: (n, 3) planned positions, ENU m.
+        velocities: (n, 3) planned velocities, m/s.
+        slots: (n, 3) where each vehicle should be; its plan once formed.
+        los: The LOS the formation is drawn against.
+        broken: Limits this plan would have broken; then it is the last good one, held.
+    """
+
+    positions: Array
+    velocities: Array
+    slots: Array
+    los: LineOfSight
+    broken: tuple[str, ...]
+
+
+class Planner:
+    """Plans the swarm's motion.
+
+    Args:
+        mission: The mission.
+
+    Raises:
+        FormationError: If the design does not fit the mission's limits.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._frame = mission.frame
+        sysids = mission.swarm.sysids
+        self._reference = sysids.index(mission.swarm.reference)
+        self._companions = [i for i in range(len(sysids)) if i != self._reference]
+        self._altitudes = [v.altitude_amsl_m for v in mission.swarm.vehicles]
+        limits = mission.limits
+        self._d_m = limits.d_max_m - mission.formation.margin_m
+        self._design = DESIGNS[mission.formation.design](
+            len(self._companions), self._d_m, limits.min_separation_m
+        )
+        heights = np.array(self._altitudes) - self._altitudes[self._reference]
+        self._heights = heights[self._companions]
+        level_design(self._design, np.full(len(self._companions), np.abs(self._heights).max()))
+        self._stand_off_m = limits.stand_off_m + mission.formation.stand_off_margin_m
+        self._positions = np.zeros((len(sysids), 2))
+        self._velocities = np.zeros((len(sysids), 2))
+        self._los = LineOfSight(0.0, 0.0)
+        self._slots_of: Array = self._design
+
+    def begin(self, positions: Array, target: Target) -> None:
+        """Start from measured positions at rest and share out the slots.
+
+        Args:
+            positions: (n, 2) measured positions east, north, m.
+            target: The estimate now.
+        """
+        self._positions = np.array(positions, dtype=float)
+        self._velocities = np.zeros_like(self._positions)
+        reference = self._positions[self._reference]
+        bearing = math.atan2(
+            target.position_enu[1] - reference[1], target.position_enu[0] - reference[0]
+        )
+        self._los = LineOfSight(bearing, 0.0)
+        slots = reference + slot_offsets(self._design, bearing)
+        taken = assign(self._positions[self._companions], slots)
+        self._slots_of = level_design(self._design[taken], self._heights)
+
+    def step(
+        self,
+        phase: Phase,
+        target: Target,
+        worst_error_m: float,
+        launch: Array,
+        dt: float,
+    ) -> Planned:
+        """Advance the plan by one control period.
+
+        Args:
+            phase: A phase in which the swarm flies under guidance.
+            target: The estimate now.
+            worst_error_m: Greatest measured distance of a follower from its slot, m.
+            launch: (n, 2) launch points, m.
+            dt: Length of the period, s.
+        """
+        if phase in FLYING_FORMATION:
+            velocities = self._formation_velocities(phase, target, worst_error_m, dt)
+        else:
+            velocities = self._homing_velocities(launch, target, dt)
+        positions = self._positions + 0.5 * (self._velocities + velocities) * dt
+        full = self._with_height(positions)
+        broken = violations(
+            full, self._reference, np.array(target.position_enu), self._bounds(phase, target)
+        )
+        if broken:
+            velocities = np.zeros_like(velocities)
+            full = self._with_height(self._positions)
+        else:
+            self._positions = positions
+        self._velocities = velocities
+        level = np.zeros((len(full), 3))
+        level[:, :2] = velocities
+        slots = self._with_height(self._slots()) if phase in FLYING_FORMATION else full
+        return Planned(full, level, slots, self._los, tuple(broken))
+
+    def to_orbit_m(self, target: Target) -> float:
+        """How far outside its orbit the reference's plan is, m."""
+        offset = self._positions[self._reference] - target.position_enu[:2]
+        return math.hypot(offset[0], offset[1]) - self._stand_off_m
+
+    def at_radius(self, target: Target) -> bool:
+        """Whether the reference's plan has reached its orbit."""
+        return self.to_orbit_m(target) <= ARRIVED_M
+
+    def _slots(self) -> Array:
+        slots = self._positions.copy()
+        offsets = slot_offsets(self._slots_of, self._los.angle_rad)
+        slots[self._companions] = self._positions[self._reference] + offsets
+        return slots
+
+    def _formation_velocities(
+        self, phase: Phase, target: Target, worst_error_m: float, dt: float
+    ) -> Array:
+        limits = self._mission.limits
+        velocities = np.empty_like(self._velocities)
+        reference = self._positions[self._reference]
+        east, north = (reference - target.position_enu[:2]).tolist()
+        # Followers are led by what the reference will do, not by what it would like to.
+        velocity = self._bend(
+            self._reference,
+            self._reference_velocity(phase, target, (east, north), worst_error_m),
+            target,
+            REFERENCE_SHARE * limits.max_acceleration_mps2 * dt,
+        )
+        velocities[self._reference] = velocity
+
+        drift = target.trusted_velocity
+        relative = (velocity[0] - drift[0], velocity[1] - drift[1])
+        rate = (east * relative[1] - north * relative[0]) / max(math.hypot(east, north), 1.0) ** 2
+        spare = limits.max_speed_mps - limits.cruise_speed_mps
+        self._los = follow_line_of_sight(
+            self._los, math.atan2(-north, -east), rate, CORRECTION_SHARE * spare / self._d_m, dt
+        )
+        offsets = slot_offsets(self._slots_of, self._los.angle_rad)
+        turning = self._los.rate_rads * np.column_stack((-offsets[:, 1], offsets[:, 0]))
+        gaps = reference + offsets - self._positions[self._companions]
+        for i, gap, led in zip(
+            self._companions, gaps.tolist(), (velocity + turning).tolist(), strict=True
+        ):
+            close = go_to(
+                (gap[0], gap[1]),
+                limits.cruise_speed_mps,
+                0.5 * limits.max_acceleration_mps2,
+                SLOT_GAIN,
+            )
+            velocities[i] = self._bend(
+                i,
+                (led[0] + close[0], led[1] + close[1]),
+                target,
+                limits.max_acceleration_mps2 * dt,
+            )
+        return velocities
+
+    def _reference_velocity(
+        self, phase: Phase, target: Target, offset: tuple[float, float], worst_error_m: float
+    ) -> tuple[float, float]:
+        if phase is Phase.FORMING:
+            return (0.0, 0.0)
+        limits = self._mission.limits
+        distance = math.hypot(*offset)
+        # Never nearer than the estimate is sharp, but no retreat from a circle that is only
+        # this wide because little has been measured yet.
+        radius = max(self._stand_off_m, min(RANGE_GUARD * target.sigma_m, distance))
+        drift = target.trusted_velocity
+        # The orbit moves with the emitter, so the outermost follower has that much less left.
+        spare = limits.max_speed_mps - math.hypot(*drift)
+        east, north = approach_and_orbit(
+            offset,
+            drift,
+            radius,
+            limits.cruise_speed_mps,
+            min(limits.cruise_speed_mps, ORBIT_SHARE * orbit_speed(spare, radius, self._d_m)),
+        )
+        slack, stop = LEASH_M
+        leash = max(0.0, min(1.0, (stop - worst_error_m) / (stop - slack)))
+        return (leash * east, leash * north)
+
+    def _homing_velocities(self, launch: Array, target: Target, dt: float) -> Array:
+        limits = self._mission.limits
+        velocities = np.empty_like(self._velocities)
+        for i, gap in enumerate((launch - self._positions).tolist()):
+            home = go_to(
+                (gap[0], gap[1]),
+                HOMING_SHARE * limits.max_speed_mps,
+                0.5 * limits.max_acceleration_mps2,
+                SLOT_GAIN,
+            )
+            velocities[i] = self._bend(i, home, target, limits.max_acceleration_mps2 * dt)
+        return velocities
+
+    def _bend(self, i: int, wanted: Vector2, target: Target, step_mps: float) -> Vector2:
+        """Vehicle i's next velocity: what is wanted, within every limit.
+
+        The braking it counts on is less than any plan's acceleration, so that a limit seen in
+        time is kept.
+        """
+        limits = self._mission.limits
+        here, last = self._positions[i].tolist(), self._velocities[i].tolist()
+        braking = BRAKING_SHARE * limits.max_acceleration_mps2
+        drift = target.trusted_velocity
+        # Half of the margin is left to the orbit's own overshoot.
+        keep_out = limits.stand_off_m + 0.5 * self._mission.formation.stand_off_margin_m
+        offset = (here[0] - target.position_enu[0], here[1] - target.position_enu[1])
+        relative = (wanted[0] - drift[0], wanted[1] - drift[1])
+        relative = keep_outside(offset, relative, keep_out, braking)
+        velocity = (relative[0] + drift[0], relative[1] + drift[1])
+        velocity = keep_inside(
+            (here[0], here[1]), velocity, limits.geofence_radius_m - FENCE_MARGIN_M, braking
+        )
+        velocity = limit(velocity, limits.max_speed_mps)
+        change = limit((velocity[0] - last[0], velocity[1] - last[1]), step_mps)
+        return (last[0] + change[0], last[1] + change[1])
+
+    def _with_height(self, horizontal: Array) -> Array:
+        up = [
+            self._frame.up_at(east, north, altitude)
+            for (east, north), altitude in zip(horizontal.tolist(), self._altitudes, strict=True)
+        ]
+        return np.column_stack((horizontal, up))
+
+    def _bounds(self, phase: Phase, target: Target) -> Bounds:
+        limits = self._mission.limits
+        return Bounds(
+            separation_m=limits.min_separation_m,
+            d_max_m=limits.d_max_m if phase in OBSERVING else None,
+            stand_off_m=limits.stand_off_m,
+            fence_radius_m=limits.geofence_radius_m,
+            ceiling_m=limits.ceiling_amsl_m - self._mission.origin.alt_amsl_m,
+        )

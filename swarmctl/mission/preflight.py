@@ -1,0 +1,224 @@
+"""Before anything is armed: every vehicle answers, and every check of it passes.
+
+Each check comes with the sentence that names what is missing.
+"""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.events import Command, RequestHome, RequestVersion, StreamTelemetry
+from swarmctl.mission.fleet import Fleet, VehicleState
+from swarmctl.mission.model import Mission
+from swarmctl.mission.watch import Failure
+
+POSITION_HZ = 10.0
+"""Position reports asked of every vehicle, Hz."""
+ANSWER_TIMEOUT_S = 30.0
+"""A vehicle that has not been heard this long after the start has failed."""
+CHECK_TIMEOUT_S = 60.0
+"""A check that has not passed this long after the last vehicle was heard has failed."""
+ASK_AGAIN_S = 5.0
+"""Telemetry that does not come is asked for again after this long."""
+
+CLOCK_SPAN_S = 3.0
+"""SYSTEM_TIME is watched for this long before the clocks' rates are compared."""
+CLOCK_TOLERANCE = 0.2
+"""Greatest relative difference between a vehicle's clock rate and the controller's."""
+
+
+def clock_rate(vehicle: VehicleState) -> float | None:
+    """Seconds of vehicle time in one second of the controller's; None before it is known."""
+    first, last = vehicle.clock_first, vehicle.clock_last
+    if first is None or last is None:
+        return None
+    own = last.received_s - first.received_s
+    theirs = last.utc_s - first.utc_s
+    if max(own, theirs) < CLOCK_SPAN_S or own <= 0.0:
+        return None
+    return theirs / own
+
+
+def clock_fault(vehicle: VehicleState) -> str | None:
+    """A sentence if the vehicle's clock runs at another speed than the controller's."""
+    rate = clock_rate(vehicle)
+    if rate is None or abs(rate - 1.0) <= CLOCK_TOLERANCE:
+        return None
+    return (
+        f"the clock of vehicle {vehicle.sysid} (SYSTEM_TIME) runs {rate:.2g} times as fast as this"
+        " controller's: start `swarmctl run` with the same --speedup as the simulator, and"
+        " without one for real vehicles"
+    )
+
+
+def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
+    """What still keeps one vehicle on the ground, as sentences' middles; empty when ready."""
+    unmet = []
+    beat, status = vehicle.heartbeat, vehicle.status
+    if beat is not None:
+        if beat.autopilot != mission.swarm.autopilot:
+            unmet.append(f"its autopilot is {beat.autopilot}, not {mission.swarm.autopilot}")
+        if not beat.is_multirotor:
+            unmet.append("it is not a multirotor")
+        if beat.armed:
+            unmet.append("it is armed already; land and disarm it first")
+    if vehicle.version is None:
+        unmet.append("it has not told its hardware id (AUTOPILOT_VERSION)")
+    if vehicle.fix is None or vehicle.fix.fix_type < 3:
+        unmet.append("it has no 3-D GPS fix")
+    if vehicle.position_enu is None or vehicle.position is None:
+        unmet.append("it does not report its position (GLOBAL_POSITION_INT)")
+    elif vehicle.position.epoch_utc_s is None or clock_rate(vehicle) is None:
+        unmet.append("its clock is not known yet (SYSTEM_TIME)")
+    if vehicle.launch_enu is None:
+        unmet.append("it has no home position (HOME_POSITION)")
+    else:
+        unmet += _place_checks(vehicle, mission)
+    if status is None or not status.prearm_ok:
+        unmet.append("its own pre-arm checks do not pass (SYS_STATUS)")
+    elif status.battery_fraction is not None:
+        reserve = mission.limits.battery_reserve
+        if status.battery_fraction <= reserve:
+            unmet.append(
+                f"its battery is at {status.battery_fraction:.0%}, the reserve is {reserve:.0%}"
+            )
+    return unmet
+
+
+def _place_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
+    if vehicle.launch_enu is None:
+        return []
+    unmet = []
+    east, north, up = vehicle.launch_enu
+    ground = mission.origin.alt_amsl_m + up
+    if ground > vehicle.altitude_amsl_m - 5.0:
+        unmet.append(
+            f"it stands at {ground:.0f} m AMSL, not 5 m below its flight altitude of"
+            f" {vehicle.altitude_amsl_m:g} m: correct altitude_amsl_m in the mission"
+        )
+    distance = math.hypot(east, north)
+    if distance > mission.limits.geofence_radius_m:
+        unmet.append(
+            f"it stands {distance:.0f} m from the origin, outside the geofence of"
+            f" {mission.limits.geofence_radius_m:g} m"
+        )
+    emitter = mission.frame.to_enu(*mission.emitter.geodetic)
+    away = math.hypot(east - emitter[0], north - emitter[1])
+    if away < mission.limits.stand_off_m:
+        unmet.append(
+            f"it stands {away:.0f} m from the expected emitter, nearer than the stand-off of"
+            f" {mission.limits.stand_off_m:g} m"
+        )
+    return unmet
+
+
+def fleet_faults(fleet: Fleet, separation_m: float) -> list[str]:
+    """What is wrong between vehicles: one hardware id twice, launch points too close."""
+    faults = []
+    vehicles = list(fleet.vehicles.values())
+    for i, a in enumerate(vehicles):
+        for b in vehicles[i + 1 :]:
+            if a.version and b.version and a.version.uid == b.version.uid != 0:
+                faults.append(
+                    f"vehicles {a.sysid} and {b.sysid} have one hardware id: one of them answers"
+                    " under two system ids"
+                )
+            if a.launch_enu and b.launch_enu:
+                apart = math.dist(a.launch_enu, b.launch_enu)
+                if apart < separation_m:
+                    faults.append(
+                        f"vehicles {a.sysid} and {b.sysid} stand {apart:.1f} m apart, less than"
+                        f" limits.min_separation_m = {separation_m:g} m: move one of them"
+                    )
+    return faults
+
+
+class Preflight:
+    """Waits for the vehicles, asks them for what is missing, and checks them.
+
+    Args:
+        mission: The mission.
+        fleet: The vehicles.
+        now: Controller's time, s.
+
+    Attributes:
+        failure: Why the mission cannot start; None while it still may.
+        complete: Whether every check of every vehicle has passed.
+    """
+
+    def __init__(self, mission: Mission, fleet: Fleet, now: float) -> None:
+        self._mission = mission
+        self._fleet = fleet
+        self._since = now
+        self._heard_since: float | None = None
+        self._asked_at: dict[int, float] = {}
+        self.failure: Failure | None = None
+        self.complete = False
+
+    @property
+    def heard(self) -> int:
+        """How many vehicles have been heard."""
+        return sum(v.heartbeat is not None for v in self._fleet.vehicles.values())
+
+    @property
+    def ready(self) -> int:
+        """How many vehicles pass every check."""
+        return sum(not unmet_checks(v, self._mission) for v in self._fleet.vehicles.values())
+
+    @property
+    def all_heard(self) -> bool:
+        """Whether every vehicle has been heard."""
+        return self.heard == len(self._fleet.vehicles)
+
+    def step(self, now: float) -> list[Command]:
+        """Advance with time; returns what to ask the vehicles."""
+        vehicles = list(self._fleet.vehicles.values())
+        fault = next((text for v in vehicles if (text := clock_fault(v)) is not None), None)
+        if fault is not None:
+            self.failure = Failure("clock_mismatch", fault)
+            return []
+        unmet = {v.sysid: texts for v in vehicles if (texts := unmet_checks(v, self._mission))}
+        commands = [
+            command
+            for v in vehicles
+            if v.heartbeat is not None and v.sysid in unmet
+            for command in self._ask(v.sysid, now)
+        ]
+        if not self.all_heard:
+            if now - self._since > ANSWER_TIMEOUT_S:
+                self.failure = self._silence(vehicles)
+            return commands
+        if self._heard_since is None:
+            self._heard_since = now
+        if not unmet:
+            self._check_together()
+        elif now - self._heard_since > CHECK_TIMEOUT_S:
+            missing = (f"vehicle {sysid}: {', '.join(texts)}" for sysid, texts in unmet.items())
+            self.failure = Failure("not_ready", "; ".join(missing))
+        return commands
+
+    def _ask(self, sysid: int, now: float) -> list[Command]:
+        if now < self._asked_at.get(sysid, -ASK_AGAIN_S) + ASK_AGAIN_S:
+            return []
+        self._asked_at[sysid] = now
+        return [
+            StreamTelemetry(sysid=sysid, position_hz=POSITION_HZ),
+            RequestVersion(sysid=sysid),
+            RequestHome(sysid=sysid),
+        ]
+
+    def _silence(self, vehicles: list[VehicleState]) -> Failure:
+        silent = [str(v.sysid) for v in vehicles if v.heartbeat is None]
+        who = f"vehicle {silent[0]}" if len(silent) == 1 else f"vehicles {', '.join(silent)}"
+        return Failure(
+            "vehicle_silent",
+            f"{who} never answered on {self._mission.swarm.link} within {ANSWER_TIMEOUT_S:.0f} s:"
+            " check power, radio, system id and where the vehicle sends its MAVLink",
+        )
+
+    def _check_together(self) -> None:
+        faults = fleet_faults(self._fleet, self._mission.limits.min_separation_m)
+        if faults:
+            self.failure = Failure("not_ready", "; ".join(faults))
+        else:
+            self.complete = True

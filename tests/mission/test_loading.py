@@ -1,0 +1,110 @@
+"""Mission files: every fault is found, named, and comes with what would be right."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from swarmctl.errors import MissionFileError
+from swarmctl.mission.loading import load_mission, parse_mission
+
+SHIPPED = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
+DEMO = SHIPPED[0].parent / "beacon_drift.yaml"
+
+
+def faults(**changes: object) -> dict[str, str]:
+    """Faults of the demo mission with some fields set (``__`` for a dot; None deletes)."""
+    raw: dict[str, Any] = yaml.safe_load(DEMO.read_text())
+    for path, value in changes.items():
+        *parents, last = path.split("__")
+        section: Any = raw
+        for part in parents:
+            section = section[int(part) if part.isdigit() else part]
+        key: Any = int(last) if last.isdigit() else last
+        if value is None:
+            del section[key]
+        else:
+            section[key] = value
+    with pytest.raises(MissionFileError) as caught:
+        parse_mission(yaml.safe_dump(raw), "m.yaml")
+    assert caught.value.exit_code == 2
+    assert str(caught.value).startswith("m.yaml: ")
+    return {fault.field: str(fault) for fault in caught.value.faults}
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+def test_every_shipped_mission_is_good(path: Path) -> None:
+    assert load_mission(path).name == path.stem
+
+
+def test_five_faults_are_five_lines() -> None:
+    found = faults(
+        limits__d_max_m=-300,
+        swarm__reference=9,
+        origin__lat_deg="north",
+        formation__design="square",
+        gaol={"sigma_m": 5},
+    )
+    assert found == {
+        "limits.d_max_m": "limits.d_max_m is -300: should be greater than 0",
+        "swarm.reference": "swarm.reference is 9: one of the vehicles: 1, 2, 3, 4",
+        "origin.lat_deg": "origin.lat_deg is 'north': should be a valid number, unable to parse"
+        " string as a number",
+        "formation.design": "formation.design is 'square': should be 'perpendicular' or 'uniform'",
+        "gaol": "gaol is a section: no such field; is it misspelt?",
+    }
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("swarm__vehicles__1__sysid", 1, "used by swarm.vehicles.0 too; ids are unique"),
+        ("swarm__gcs_sysid", 3, "an id that no vehicle has"),
+        ("swarm__vehicles__1__altitude_amsl_m", 37, "at least limits.min_separation_m = 8 m"),
+        ("swarm__vehicles__3__altitude_amsl_m", 130, "limits.ceiling_amsl_m = 120 m"),
+        ("swarm__vehicles__0__altitude_amsl_m", 8, "between 12 m (10 m above origin.alt_amsl_m)"),
+        ("limits__d_max_m", 40, "more than 51 m"),
+        ("limits__cruise_speed_mps", 12.5, "at most limits.max_speed_mps = 13 less a tenth"),
+        ("limits__geofence_radius_m", 2700, "at least 2879 m"),
+        ("limits__stand_off_m", 2600, "less than the 2579 m between the launch area"),
+        ("swarm__link", "serial:///dev/ttyUSB0", "should be udpin://host:port"),
+        ("feed__broker", "http://localhost", "should be mqtt://[user:password@]host[:port]"),
+        ("emitter__sigma_m", float("nan"), "should be a finite number"),
+        ("limits__d_max_m", None, "this field is required"),
+        ("swarm", None, "this field is required"),
+    ],
+)
+def test_each_fault_is_named_with_what_is_right(field: str, value: object, says: str) -> None:
+    found = faults(**{field: value})
+    assert says in found[field.replace("__", ".")]
+
+
+def test_a_fault_in_one_field_does_not_hide_a_rule_between_others() -> None:
+    found = faults(limits__ceiling_amsl_m="high", swarm__reference=7)
+    assert set(found) == {"limits.ceiling_amsl_m", "swarm.reference"}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "a mission is a mapping of sections"),
+        ("- 1\n- 2\n", "a mission is a mapping of sections"),
+        ("name: [1, 2\nswarm: {\n", "line 2"),
+    ],
+)
+def test_text_that_is_no_mission(text: str, says: str) -> None:
+    with pytest.raises(MissionFileError, match=says):
+        parse_mission(text)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(MissionFileError, match="cannot be read \\(No such file or directory\\)"):
+        load_mission(tmp_path / "none.yaml")
+
+
+def test_a_file_that_is_not_text(tmp_path: Path) -> None:
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(MissionFileError, match="not UTF-8"):
+        load_mission(path)
