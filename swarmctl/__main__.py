@@ -1,0 +1,5 @@
+"""``python -m swarmctl``: the command line."""
+
+from swarmctl.cli import main
+
+main()

@@ -1,0 +1,207 @@
+"""The ``swarmctl`` command: parses, wires, prints. Errors are sentences and exit codes."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+import swarmctl
+from swarmctl.cli.console import Reporter, print_summary
+from swarmctl.cli.missions import find_mission
+from swarmctl.errors import SwarmError, UsageError
+from swarmctl.mission.loading import load_mission
+from swarmctl.ops import outcome
+
+app = typer.Typer(
+    name="swarmctl",
+    help="Fly a UAV swarm that finds a radio emitter by TDOA.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+MissionArgument = Annotated[
+    str, typer.Argument(metavar="MISSION", help="A mission file, or the name of a shipped one.")
+]
+SpeedupOption = Annotated[
+    float, typer.Option("--speedup", min=0.1, max=200.0, help="Mission seconds per second.")
+]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", min=0, help="Seed of the simulation [default: mission's].")
+]
+BrokerOption = Annotated[
+    str | None, typer.Option("--broker", help="An MQTT broker, mqtt://host:port.")
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", help="Directory of the recording [default: flights/NAME-TIME]."),
+]
+HeadlessOption = Annotated[
+    bool, typer.Option("--headless", help="Print a line every few seconds, no live console.")
+]
+
+
+def main() -> None:
+    """Run the command line; every error a user can meet ends as one sentence."""
+    try:
+        app(standalone_mode=True)
+    except SwarmError as error:
+        _complain(error)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(outcome.CANCELLED)
+
+
+def _complain(error: SwarmError) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(str(error), markup=False)
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        typer.echo(f"swarmctl {swarmctl.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def demo(
+    mission: MissionArgument = "beacon_drift",
+    headless: HeadlessOption = False,
+    speedup: SpeedupOption = 12.0,
+    seed: SeedOption = None,
+    out: OutOption = None,
+    broker: BrokerOption = None,
+    in_memory: Annotated[
+        bool,
+        typer.Option("--in-memory", help="No sockets, a virtual clock, as fast as possible."),
+    ] = False,
+) -> None:
+    """Fly a mission with simulated vehicles, emitter and broker, all on this machine."""
+    from swarmctl.ops.in_memory import fly_in_memory  # noqa: PLC0415 - loads the simulator
+    from swarmctl.ops.live import fly  # noqa: PLC0415
+    from swarmctl.ops.simulation import simulated, simulation_section  # noqa: PLC0415
+
+    path = find_mission(mission)
+    loaded = load_mission(path)
+    section = simulation_section(loaded)
+    seed = section.seed if seed is None else seed
+    out = out or _default_out(loaded.name)
+    if in_memory:
+        if broker is not None:
+            raise UsageError("--in-memory uses no broker: leave --broker out.")
+        with Reporter(loaded, headless=True) as reporter:
+            summary = fly_in_memory(path, out, seed=seed, on_snapshot=reporter.snapshot)
+    else:
+
+        async def both() -> dict[str, object]:
+            async with simulated(path, seed=seed, speedup=speedup, broker=broker):
+                return await fly(
+                    path,
+                    out,
+                    broker=broker,
+                    speedup=speedup,
+                    seed=seed,
+                    on_snapshot=reporter.snapshot,
+                    on_notice=reporter.notice,
+                    snapshot_every_s=reporter.every_s,
+                )
+
+        with Reporter(loaded, headless=headless) as reporter:
+            summary = asyncio.run(both())
+    _finish(summary, out)
+
+
+@app.command()
+def run(
+    mission: MissionArgument,
+    headless: HeadlessOption = False,
+    speedup: SpeedupOption = 1.0,
+    out: OutOption = None,
+    broker: BrokerOption = None,
+) -> None:
+    """Fly a mission with whatever vehicles answer on its link."""
+    from swarmctl.ops.live import fly  # noqa: PLC0415 - keeps `--help` quick
+
+    path = find_mission(mission)
+    loaded = load_mission(path)
+    out = out or _default_out(loaded.name)
+    with Reporter(loaded, headless=headless) as reporter:
+        summary = asyncio.run(
+            fly(
+                path,
+                out,
+                broker=broker,
+                speedup=speedup,
+                on_snapshot=reporter.snapshot,
+                on_notice=reporter.notice,
+                snapshot_every_s=reporter.every_s,
+            )
+        )
+    _finish(summary, out)
+
+
+@app.command()
+def sim(
+    mission: MissionArgument,
+    speedup: SpeedupOption = 1.0,
+    seed: SeedOption = None,
+    broker: BrokerOption = None,
+    with_parent: Annotated[
+        bool, typer.Option("--with-parent", hidden=True, help="End when standard input does.")
+    ] = False,
+) -> None:
+    """Serve a mission's simulated vehicles, emitter and broker until Ctrl-C."""
+    from swarmctl.ops.simulation import READY, serve_mission  # noqa: PLC0415 - loads the simulator
+
+    if with_parent:
+        # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    loaded = load_mission(find_mission(mission))
+    embedded = "embedded broker" if broker is None else "outside broker"
+
+    def ready() -> None:
+        print(  # noqa: T201 - a parent process waits for this line
+            f"{READY} {len(loaded.swarm.vehicles)} vehicles at {speedup:g} x real time;"
+            f" MAVLink goes to {loaded.swarm.link.removeprefix('udpin://')},"
+            f" {embedded} {broker or loaded.feed.broker}; Ctrl-C ends",
+            flush=True,
+        )
+
+    async def serve() -> None:
+        loop = asyncio.get_running_loop()
+        stop = asyncio.Event()
+        if with_parent:
+            loop.add_reader(sys.stdin.fileno(), stop.set)
+        else:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, stop.set)
+        await serve_mission(
+            loaded,
+            seed=seed,
+            speedup=speedup,
+            broker=broker,
+            utc_start_s=time.time(),
+            ready=ready,
+            stop=stop,
+        )
+
+    asyncio.run(serve())
+
+
+def _default_out(name: str) -> Path:
+    return Path("flights") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+
+
+def _finish(summary: dict[str, object], out: Path) -> None:
+    print_summary(summary, out)
+    raise typer.Exit(outcome.exit_code(str(summary["result"])))

@@ -1,0 +1,232 @@
+"""A mission over real sockets: the asyncio shell around the station.
+
+It moves bytes and re-arms one timer; every decision is the station's. ``speedup`` scales its
+clock, for simulators that run faster than real time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+
+from swarmctl.errors import SwarmError
+from swarmctl.events import Notice
+from swarmctl.feed.client import BrokerAddress, FeedClient, connect
+from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.endpoint import UdpEndpoint, open_udp
+from swarmctl.link.link import Address
+from swarmctl.mission.loading import load_mission
+from swarmctl.mission.snapshot import Snapshot
+from swarmctl.ops.recording import Recording
+from swarmctl.ops.station import Station
+
+HICCUP_S = 0.5
+"""How long a busy computer may keep this process or the simulator waiting, s of wall time."""
+PUBLICATIONS_KEPT = 50
+"""Estimates waiting for a slow broker; older ones are worth nothing and are dropped."""
+
+
+class AbandonedError(SwarmError):
+    """The operator left the swarm in flight; the message says what each vehicle does now."""
+
+    exit_code = 130
+
+
+async def fly(
+    mission_path: str | Path,
+    out: str | Path | None = None,
+    *,
+    broker: str | None = None,
+    speedup: float = 1.0,
+    seed: int | None = None,
+    on_snapshot: Callable[[Snapshot], None] | None = None,
+    on_notice: Callable[[Notice], None] | None = None,
+    snapshot_every_s: float = 1.0,
+) -> dict[str, object]:
+    """Fly a mission with whatever vehicles answer on its link.
+
+    Ctrl-C (SIGINT or SIGTERM) brings the swarm home; a second one leaves at once.
+
+    Args:
+        mission_path: A mission file.
+        out: Directory of the recording; None records nothing but still gives the summary.
+        broker: URL of the MQTT broker; None takes the mission's.
+        speedup: Seconds of mission time per second; 1 for real vehicles.
+        seed: Stamped on the results of a simulated flight.
+        on_snapshot: Called every ``snapshot_every_s`` of wall time.
+        on_notice: Called with each sentence for the operator.
+        snapshot_every_s: See ``on_snapshot``, s of wall time.
+
+    Returns:
+        The summary.
+
+    Raises:
+        SwarmError: If the mission, its link, broker or recording cannot be used.
+        AbandonedError: If the operator left the swarm in flight.
+    """
+    mission = load_mission(mission_path)
+    address = BrokerAddress.parse(broker or mission.feed.broker)
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+    with Recording(mission, Path(mission_path), out, seed) as recording:
+        station = Station(mission, 0.0, time.time(), recording, HICCUP_S * speedup)
+        shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
+        async with contextlib.AsyncExitStack() as stack:
+            endpoint = await open_udp(mission.swarm.link, shell.datagram)
+            stack.callback(endpoint.close)
+            feed = await stack.enter_async_context(
+                connect(
+                    address,
+                    topics=station.topics,
+                    on_message=shell.message,
+                    on_state=shell.broker_state,
+                )
+            )
+            stack.enter_context(_interrupts(loop, shell))
+            await stack.enter_async_context(_reports(shell, on_snapshot, snapshot_every_s))
+            # Only now: a port in use or a missing broker leaves no empty recording behind.
+            recording.open()
+            await shell.run(endpoint, feed, on_notice)
+        return recording.summary(station, loop.time() - began)
+
+
+class _Shell:
+    """Delivers, drains, sends, re-arms."""
+
+    def __init__(self, station: Station, clock: Callable[[], float], speedup: float) -> None:
+        self.station = station
+        self._clock = clock
+        self._speedup = speedup
+        self._done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._timer: asyncio.TimerHandle | None = None
+        self._endpoint: UdpEndpoint | None = None
+        self._outbox: asyncio.Queue[tuple[str, bytes]] = asyncio.Queue(PUBLICATIONS_KEPT)
+        self._on_notice: Callable[[Notice], None] | None = None
+        self._asked_to_return = False
+
+    async def run(
+        self, endpoint: UdpEndpoint, feed: FeedClient, on_notice: Callable[[Notice], None] | None
+    ) -> None:
+        """Fly until the mission has ended or something raised."""
+        self._endpoint, self._on_notice = endpoint, on_notice
+        publisher = asyncio.create_task(self._publish(feed))
+        try:
+            self._run(lambda _now: None)
+            await self._done
+        finally:
+            publisher.cancel()
+            if self._timer is not None:
+                self._timer.cancel()
+
+    def datagram(self, data: bytes, address: Address) -> None:
+        self._run(lambda now: self.station.datagram(data, address, now))
+
+    def message(self, topic: str, payload: bytes) -> None:
+        self._run(lambda now: self.station.message(topic, payload, now))
+
+    def broker_state(self, connected: bool) -> None:
+        self._run(lambda now: self.station.broker_state(connected, now))
+
+    def interrupt(self) -> None:
+        """First: bring the swarm home. Second: leave at once."""
+        if not self._asked_to_return:
+            self._asked_to_return = True
+            self._run(self.station.request_return)
+        elif not self._done.done():
+            self._done.set_exception(AbandonedError(what_vehicles_do(self.station)))
+
+    def snapshot(self) -> Snapshot:
+        """The mission now."""
+        return self.station.snapshot(self._clock())
+
+    def _run(self, action: Callable[[float], None]) -> None:
+        """Do something with the station at this instant, then whatever follows from it."""
+        if self._done.done() or self._endpoint is None:
+            return
+        try:
+            now = self._clock()
+            action(now)
+            if now >= self.station.next_wake():
+                self.station.wake(now)
+            else:
+                self.station.settle(now)
+            self._send()
+            if self.station.ended:
+                self._done.set_result(None)
+            else:
+                self._arm()
+        except Exception as error:
+            # Callbacks have nobody above them: the flight's own coroutine raises it instead.
+            self._done.set_exception(error)
+
+    def _arm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        delay = max(0.0, (self.station.next_wake() - self._clock()) / self._speedup)
+        self._timer = asyncio.get_running_loop().call_later(delay, self._run, lambda _now: None)
+
+    def _send(self) -> None:
+        if self._endpoint is not None:
+            for data, address in self.station.datagrams():
+                self._endpoint.send(data, address)
+        for publication in self.station.publications():
+            if self._outbox.full():
+                self._outbox.get_nowait()
+            self._outbox.put_nowait(publication)
+        for notice in self.station.notices():
+            if self._on_notice is not None:
+                self._on_notice(notice)
+
+    async def _publish(self, feed: FeedClient) -> None:
+        while True:
+            topic, payload = await self._outbox.get()
+            await feed.publish(topic, payload)
+
+
+def what_vehicles_do(station: Station) -> str:
+    """What each vehicle does by itself once no setpoint comes any more, one line each."""
+    lines = ["swarmctl has left; nobody commands the vehicles now:"]
+    for vehicle in station.controller.fleet.vehicles.values():
+        beat = vehicle.heartbeat
+        if beat is None:
+            lines.append(f"  vehicle {vehicle.sysid} was never heard.")
+            continue
+        position = vehicle.position
+        where = f", {position.alt_amsl_m:.0f} m AMSL" if position is not None else ""
+        does = ardupilot.after_controller_stops(beat.mode, beat.armed)
+        lines.append(f"  vehicle {vehicle.sysid} ({beat.mode_name}{where}) {does}.")
+    return "\n".join(lines)
+
+
+@contextlib.contextmanager
+def _interrupts(loop: asyncio.AbstractEventLoop, shell: _Shell) -> Iterator[None]:
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
+        loop.add_signal_handler(number, shell.interrupt)
+    try:
+        yield
+    finally:
+        for number in signals:
+            loop.remove_signal_handler(number)
+
+
+@contextlib.asynccontextmanager
+async def _reports(
+    shell: _Shell, on_snapshot: Callable[[Snapshot], None] | None, every_s: float
+) -> AsyncIterator[None]:
+    async def report() -> None:
+        while on_snapshot is not None:
+            on_snapshot(shell.snapshot())
+            await asyncio.sleep(every_s)
+
+    task = asyncio.create_task(report())
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task

@@ -1,0 +1,25 @@
+"""What a mission's result means to whoever started it: the exit codes."""
+
+from __future__ import annotations
+
+LOCATED = 0
+NOT_LOCATED = 1
+BAD_INPUT = 2
+FAILED = 3
+CANCELLED = 130
+
+MEANING = {
+    LOCATED: "the emitter is located and the swarm is home",
+    NOT_LOCATED: "the swarm is home, but the emitter is not located within the time limit",
+    BAD_INPUT: "an argument or the mission file is wrong; nothing was started",
+    FAILED: "something failed (a port, the broker, a vehicle); what was airborne is home",
+    CANCELLED: "interrupted by the operator",
+}
+"""Every exit code of the command line."""
+
+
+def exit_code(result: str) -> int:
+    """Exit code of a mission's result."""
+    return {"located": LOCATED, "not_located": NOT_LOCATED, "cancelled": CANCELLED}.get(
+        result, FAILED
+    )

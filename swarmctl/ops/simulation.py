@@ -1,0 +1,207 @@
+"""Simulated vehicles, emitter and broker, as ``swarmctl sim`` serves them.
+
+The simulator is told about a mission only through its own plain configuration; nothing of the
+controller reaches it but bytes over UDP and MQTT.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import sys
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+from sim.config import (
+    EmitterConfig,
+    NavigationConfig,
+    ReceiverConfig,
+    SimConfig,
+    VehicleConfig,
+    WindConfig,
+)
+from sim.errors import SimError
+from sim.serve import serve
+from swarmctl.errors import SwarmError, UsageError
+from swarmctl.feed.broker import embedded_broker
+from swarmctl.feed.client import BrokerAddress
+from swarmctl.link.endpoint import parse_url
+from swarmctl.mission.model import Mission, Simulation
+
+READY = "simulating"
+"""First word of the line a simulator process prints once it serves."""
+
+
+def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimConfig:
+    """Configuration of a mission's simulation.
+
+    Args:
+        mission: A mission with a ``sim`` section.
+        seed: Overrides the section's seed.
+        utc_start_s: UTC at simulation time 0, s.
+
+    Raises:
+        UsageError: If the mission has no ``sim`` section.
+    """
+    section = simulation_section(mission)
+    faults = {fault.sysid: fault for fault in section.faults}
+    vehicles = []
+    for i, sysid in enumerate(mission.swarm.sysids):
+        lat, lon, alt = mission.frame.to_geodetic(i * section.launch_spacing_m, 0.0, 0.0)
+        fault = faults.get(sysid)
+        kind = fault.kind if fault is not None else None
+        vehicles.append(
+            VehicleConfig(
+                sysid=sysid,
+                launch_lat_rad=lat,
+                launch_lon_rad=lon,
+                launch_alt_amsl_m=alt,
+                boot_delay_s=0.1 * i,
+                silent=kind == "silent",
+                refuses_arming=kind == "refuses_arming",
+                dies_at_s=fault.at_s if fault is not None and kind == "dies" else None,
+            )
+        )
+    emitter, wind = section.emitter, section.wind
+    lat, lon, alt = emitter.geodetic
+    return SimConfig(
+        swarm=mission.swarm.name,
+        vehicles=tuple(vehicles),
+        emitter=EmitterConfig(
+            lat_rad=lat,
+            lon_rad=lon,
+            alt_amsl_m=alt,
+            velocity_enu=_towards(emitter.course_deg, emitter.drift_mps),
+            wander_mps_per_sqrt_s=emitter.wander_mps_per_sqrt_s,
+        ),
+        receivers=ReceiverConfig(
+            reference=mission.swarm.reference,
+            rate_hz=section.receivers.rate_hz,
+            sigma_m=section.receivers.sigma_m,
+            rho=section.receivers.rho,
+        ),
+        navigation=NavigationConfig(
+            white_sigma_m=section.navigation.white_sigma_m,
+            correlated_sigma_m=section.navigation.correlated_sigma_m,
+            correlated_tau_s=section.navigation.correlated_tau_s,
+        ),
+        wind=WindConfig(
+            mean_enu=_towards(wind.from_deg + 180.0, wind.speed_mps),
+            gust_sigma_mps=wind.gust_sigma_mps,
+        ),
+        seed=section.seed if seed is None else seed,
+        utc_start_s=utc_start_s,
+    )
+
+
+def simulation_section(mission: Mission) -> Simulation:
+    """The mission's ``sim`` section.
+
+    Raises:
+        UsageError: If it has none.
+    """
+    if mission.sim is None:
+        raise UsageError(
+            f"the mission {mission.name} has no sim section: only a mission that says where the"
+            " simulated emitter is can be simulated. Add one, or fly real vehicles with"
+            " `swarmctl run`."
+        )
+    return mission.sim
+
+
+def _towards(course_deg: float, speed_mps: float) -> tuple[float, float, float]:
+    course = math.radians(course_deg)
+    return (speed_mps * math.sin(course), speed_mps * math.cos(course), 0.0)
+
+
+async def serve_mission(
+    mission: Mission,
+    *,
+    seed: int | None,
+    speedup: float,
+    broker: str | None,
+    utc_start_s: float,
+    ready: Callable[[], None],
+    stop: asyncio.Event,
+) -> None:
+    """Serve a mission's vehicles, emitter and broker until ``stop`` is set.
+
+    Args:
+        mission: A mission with a ``sim`` section.
+        seed: Overrides the section's seed.
+        speedup: Simulated seconds per second.
+        broker: URL of an outside broker; None starts the embedded one at ``feed.broker``.
+        utc_start_s: UTC at simulation time 0, s.
+        ready: Called once everything is served.
+        stop: Ends the simulation.
+
+    Raises:
+        SwarmError: If a port is in use or the broker cannot be reached.
+    """
+    config = sim_config(mission, seed, utc_start_s)
+    address = BrokerAddress.parse(broker or mission.feed.broker)
+    if address.tls:
+        raise UsageError("The simulator speaks no TLS: give it a broker at mqtt://, on loopback.")
+    async with contextlib.AsyncExitStack() as stack:
+        if broker is None:
+            await stack.enter_async_context(embedded_broker(address.host, address.port))
+        try:
+            await serve(
+                config,
+                controller=_reachable(*parse_url(mission.swarm.link)),
+                broker=(address.host, address.port),
+                credentials=(address.username, address.password) if address.username else None,
+                speedup=speedup,
+                ready=ready,
+                stop=stop,
+            )
+        except SimError as error:
+            raise SwarmError(str(error)) from error
+
+
+def _reachable(host: str, port: int) -> tuple[str, int]:
+    """Where to send to so that a listener on ``host`` hears it on this machine."""
+    return ("127.0.0.1" if host in {"0.0.0.0", ""} else host, port)
+
+
+@contextlib.asynccontextmanager
+async def simulated(
+    mission_path: str | Path,
+    *,
+    seed: int | None = None,
+    speedup: float = 1.0,
+    broker: str | None = None,
+) -> AsyncIterator[None]:
+    """Run a mission's simulator in a process of its own for as long as the context lasts.
+
+    It ignores Ctrl-C (the controller first brings the swarm home) and ends with this process,
+    however that ends.
+
+    Raises:
+        SwarmError: If it cannot serve; the message is the simulator's own.
+    """
+    arguments = ["sim", str(mission_path), "--with-parent", "--speedup", repr(speedup)]
+    if seed is not None:
+        arguments += ["--seed", str(seed)]
+    if broker is not None:
+        arguments += ["--broker", broker]
+    pipe = asyncio.subprocess.PIPE
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "swarmctl", *arguments, stdin=pipe, stdout=pipe, stderr=pipe
+    )
+    if process.stdin is None or process.stdout is None or process.stderr is None:
+        raise SwarmError("the simulator's process has no pipes")
+    try:
+        line = await process.stdout.readline()
+        if not line.decode().startswith(READY):
+            message = (await process.stderr.read()).decode().strip()
+            raise SwarmError(message or "the simulator ended before it was ready")
+        yield
+    finally:
+        process.stdin.close()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(process.wait(), timeout=5.0)
+        if process.returncode is None:
+            process.kill()
+            await process.wait()

@@ -1,0 +1,201 @@
+"""The ground station, sans I/O: link, feed, controller and recorder joined.
+
+Both shells drive it, the asyncio one (:mod:`swarmctl.ops.live`) and the one on a virtual clock
+(:mod:`swarmctl.ops.in_memory`): bytes in with the time, bytes out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from swarmctl.estimation.consistency import ellipse
+from swarmctl.events import Estimate, FeedConnection, Notice, Observation, OperatorRequest, Record
+from swarmctl.feed.intake import FeedIntake, decode_truth
+from swarmctl.feed.schema import EstimateMessage, estimate_topic, tdoa_topic, truth_topic
+from swarmctl.link.link import Address, MavlinkLink
+from swarmctl.mission.controller import Controller
+from swarmctl.mission.model import Mission
+from swarmctl.mission.snapshot import Snapshot, take_snapshot
+
+ESTIMATE_PERIOD_S = 0.5
+"""The estimate is published at most this often, station's s."""
+
+
+class Recorder(Protocol):
+    """Where a station records: every record and every MAVLink frame with its UTC, s."""
+
+    def record(self, record: Record, utc_s: float) -> None:
+        """Keep a record."""
+
+    def frame(self, raw: bytes, utc_s: float) -> None:
+        """Keep a MAVLink frame."""
+
+
+CHI2_95_2DOF = 5.991464547107979
+"""95 % quantile of chi-squared with two degrees of freedom: scales 1-sigma axes to 95 %."""
+
+
+class Station:
+    """A ground station that flies one mission.
+
+    Args:
+        mission: The mission.
+        now: Monotonic time, s.
+        utc_offset_s: The station's own UTC less its monotonic time, s; stamps the recording.
+        recorder: Where everything is recorded; None for nowhere.
+        hiccup_s: Silence that this computer may be to blame for, in the station's seconds.
+
+    Raises:
+        FormationError: If the formation does not fit the mission's limits.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        now: float,
+        utc_offset_s: float,
+        recorder: Recorder | None,
+        hiccup_s: float = 0.0,
+    ) -> None:
+        sysids = mission.swarm.sysids
+        self.controller = Controller(mission, now, hiccup_s)
+        self.link = MavlinkLink(gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids)
+        self.intake = FeedIntake(mission.swarm.name, sysids)
+        self._frame = mission.frame
+        self._utc_offset_s = utc_offset_s
+        self._recorder = recorder
+        self._swarm = mission.swarm.name
+        self._truth_topic = truth_topic(self._swarm)
+        self._publish_at = now
+        self._publications: list[tuple[str, bytes]] = []
+        self._notices: list[Notice] = []
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """MQTT topics to subscribe to; the truth is for the recorder alone."""
+        topics = (tdoa_topic(self._swarm),)
+        return topics if self._recorder is None else (*topics, self._truth_topic)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the mission is over."""
+        return self.controller.ended
+
+    def datagram(self, data: bytes, address: Address, now: float) -> None:
+        """Take a datagram from the vehicles' port; call :meth:`settle` after the last."""
+        self.link.receive_datagram(data, address, now)
+
+    def message(self, topic: str, payload: bytes, now: float) -> None:
+        """Take an MQTT message; call :meth:`settle` after the last."""
+        if topic == self._truth_topic:
+            truth = decode_truth(payload, now)
+            if truth is not None and self._recorder is not None:
+                self._recorder.record(truth, now + self._utc_offset_s)
+            return
+        for event in self.intake.receive(topic, payload, now):
+            self._observe(event, now)
+
+    def broker_state(self, connected: bool, now: float) -> None:
+        """The broker was lost, or is back."""
+        self._observe(FeedConnection(received_s=now, connected=connected), now)
+
+    def request_return(self, now: float) -> None:
+        """The operator wants the swarm home; call :meth:`settle` after."""
+        self._observe(OperatorRequest(received_s=now, request="return_home"), now)
+
+    def wake(self, now: float) -> None:
+        """Run the timers that are due."""
+        if now >= self.link.next_timer():
+            self.link.handle_timer(now)
+        if now >= self.controller.next_tick():
+            self.controller.tick(now)
+        self.settle(now)
+
+    def next_wake(self) -> float:
+        """When :meth:`wake` is due, monotonic s."""
+        return min(self.link.next_timer(), self.controller.next_tick())
+
+    def settle(self, now: float) -> None:
+        """Carry what has come in through controller and link until nothing is left to do."""
+        controller, link, utc = self.controller, self.link, now + self._utc_offset_s
+        recorder = self._recorder
+        while True:
+            events = link.events()
+            for event in events:
+                self._observe(event, now)
+            for decision in controller.decisions():
+                if recorder is not None:
+                    recorder.record(decision, utc)
+                if isinstance(decision, Estimate) and now >= self._publish_at:
+                    self._publish_at = now + ESTIMATE_PERIOD_S
+                    self._publish(decision, now)
+                elif isinstance(decision, Notice):
+                    self._notices.append(decision)
+            commands = controller.commands()
+            for command in commands:
+                if recorder is not None:
+                    recorder.record(command, utc)
+                link.send(command, now)
+            if not events and not commands:
+                break
+        if recorder is not None:
+            for frame_s, raw in link.traffic():
+                recorder.frame(raw, frame_s + self._utc_offset_s)
+        else:
+            link.traffic()
+
+    def datagrams(self) -> list[tuple[bytes, Address]]:
+        """Drain the datagrams to send."""
+        return self.link.datagrams()
+
+    def publications(self) -> list[tuple[str, bytes]]:
+        """Drain the MQTT messages to publish, as (topic, payload)."""
+        drained, self._publications = self._publications, []
+        return drained
+
+    def notices(self) -> list[Notice]:
+        """Drain the sentences for the operator."""
+        drained, self._notices = self._notices, []
+        return drained
+
+    def snapshot(self, now: float) -> Snapshot:
+        """The mission at this instant."""
+        return take_snapshot(self.controller, now)
+
+    def counts(self) -> dict[str, int]:
+        """What went in and out, for the summary."""
+        return {
+            "mavlink_messages_in": self.link.messages_in,
+            "setpoints_out": self.link.setpoints_out,
+            "mavlink_rejected": sum(self.link.rejected.values()),
+            "feed_rejected": sum(self.intake.rejected.values()),
+            "rd_dropped": self.controller.observer.dropped,
+        }
+
+    def _observe(self, event: Observation, now: float) -> None:
+        if self._recorder is not None:
+            self._recorder.record(event, now + self._utc_offset_s)
+        self.controller.receive(event, now)
+
+    def _publish(self, estimate: Estimate, now: float) -> None:
+        lat, lon, alt = self._frame.to_geodetic(*estimate.position_enu)
+        utc = self.controller.fleet.utc(now)
+        cov = np.array(estimate.covariance).reshape(6, 6)
+        major, minor, angle = ellipse(cov)
+        scale = math.sqrt(CHI2_95_2DOF)
+        message = EstimateMessage(
+            epoch_utc_s=estimate.epoch_utc_s,
+            lat_deg=math.degrees(lat),
+            lon_deg=math.degrees(lon),
+            alt_amsl_m=alt,
+            position_enu=estimate.position_enu,
+            velocity_enu=estimate.velocity_enu,
+            covariance_enu=tuple(cov[:3, :3].ravel().tolist()),
+            ellipse_95=(scale * float(major), scale * float(minor), float(angle)),
+            age_s=max(0.0, utc - estimate.epoch_utc_s) if utc is not None else 0.0,
+        )
+        self._publications.append((estimate_topic(self._swarm), msgspec.json.encode(message)))

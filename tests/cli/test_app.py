@@ -1,0 +1,289 @@
+"""The command line as a user meets it: processes, sockets, signals, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+
+Short = Callable[..., Path]
+
+SPEEDUP = "15"
+REQUIRED = {
+    "result",
+    "duration_s",
+    "wall_s",
+    "final_error_m",
+    "final_sigma_m",
+    "pcrb_final_m",
+    "nees_mean",
+    "slot_error_rms_m",
+    "max_reference_range_m",
+    "d_max_m",
+    "min_separation_m",
+    "min_standoff_m",
+    "mavlink_messages_in",
+    "setpoints_out",
+    "rd_measurements",
+    "rd_dropped",
+    "seed",
+    "versions",
+    "commit",
+}
+
+
+class Command:
+    """A ``swarmctl`` process whose output is read as it comes."""
+
+    def __init__(self, *arguments: str, cwd: Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "swarmctl", *arguments],
+            cwd=cwd,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self.errors = ""
+        self._reader = threading.Thread(target=self._read_errors)
+        self._reader.start()
+
+    def _read_errors(self) -> None:
+        assert self.process.stderr is not None
+        self.errors = self.process.stderr.read()
+
+    def until(self, text: str) -> None:
+        """Read standard output until a line holds a text."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if text in line:
+                return
+        self.process.wait()
+        self._reader.join()
+        pytest.fail(f"{text!r} never came; errors: {self.errors}")
+
+    def interrupt(self) -> None:
+        """Ctrl-C: SIGINT to the whole process group, as a terminal sends it."""
+        os.killpg(self.process.pid, signal.SIGINT)
+
+    def end(self, timeout: float = 120.0) -> tuple[int, str, str]:
+        """Exit code, the rest of standard output, standard error."""
+        assert self.process.stdout is not None
+        output = self.process.stdout.read()
+        code = self.process.wait(timeout)
+        self._reader.join()
+        self.process.stdout.close()
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+        assert "Traceback" not in self.errors + output
+        return code, output, self.errors
+
+
+def swarmctl(*arguments: str, cwd: Path) -> tuple[int, str, str]:
+    return Command(*arguments, cwd=cwd).end()
+
+
+def summary_of(out: Path) -> dict[str, object]:
+    loaded = json.loads((out / "summary.json").read_text())
+    assert isinstance(loaded, dict)
+    return loaded
+
+
+def topics_of(out: Path) -> set[str]:
+    with (out / "mission.mcap").open("rb") as stream:
+        return {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
+
+
+def test_the_demo_over_udp_and_the_embedded_broker(short_mission: Short, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code, output, errors = swarmctl(
+        "demo", str(short_mission()), "--headless", "--speedup", SPEEDUP, "--out", str(out),
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert code == 0, errors
+    summary = summary_of(out)
+    assert summary.keys() >= REQUIRED
+    assert summary["result"] == "located"
+    assert summary["seed"] == 1
+    assert float(str(summary["max_reference_range_m"])) <= 150.0
+    assert float(str(summary["min_separation_m"])) >= 8.0
+    assert float(str(summary["min_standoff_m"])) >= 400.0
+    assert re.search(r"approaching .* to the orbit", output)
+    assert "/truth/EmitterTruth" in topics_of(out)
+
+
+def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto: str) -> None:
+    out = tmp_path / "out"
+    code, _, errors = swarmctl(
+        "demo", str(short_mission()), "--headless", "--speedup", SPEEDUP, "--out", str(out),
+        "--broker", mosquitto, cwd=tmp_path,
+    )  # fmt: skip
+    assert code == 0, errors
+    assert summary_of(out)["result"] == "located"
+
+
+def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_path: Path) -> None:
+    mission = str(short_mission())
+    out = tmp_path / "out"
+    simulator = Command("sim", mission, "--speedup", SPEEDUP, cwd=tmp_path)
+    simulator.until("simulating 4 vehicles")
+    code, _, errors = swarmctl(
+        "run", mission, "--headless", "--speedup", SPEEDUP, "--out", str(out), cwd=tmp_path
+    )
+    simulator.interrupt()
+    assert simulator.end()[0] == 0
+    assert code == 0, errors
+    assert summary_of(out)["seed"] is None
+
+
+def test_run_at_another_speed_than_its_vehicles_is_refused(
+    short_mission: Short, tmp_path: Path
+) -> None:
+    mission = str(short_mission())
+    simulator = Command("sim", mission, "--speedup", "20", cwd=tmp_path)
+    simulator.until("simulating 4 vehicles")
+    code, output, _ = swarmctl("run", mission, "--headless", "--out", "out", cwd=tmp_path)
+    simulator.interrupt()
+    simulator.end()
+    assert code == 3
+    assert "times as fast as this controller's: start `swarmctl run` with the same" in output
+
+
+def test_a_mission_with_five_faults_lists_five(short_mission: Short, tmp_path: Path) -> None:
+    path = short_mission(
+        limits__d_max_m=-1,
+        swarm__reference=9,
+        swarm__autopilot="arducopter",
+        origin__lat_deg=95,
+        goal__orbits=2,
+    )
+    code, output, errors = swarmctl("demo", str(path), "--headless", cwd=tmp_path)
+    assert code == 2
+    assert not output
+    assert errors.splitlines() == [
+        f"{path}: 5 faults",
+        "  swarm.autopilot is 'arducopter': should be 'ardupilot'",
+        "  origin.lat_deg is 95: should be less than or equal to 85",
+        "  limits.d_max_m is -1: should be greater than 0",
+        "  goal.orbits is 2: no such field; is it misspelt?",
+        "  swarm.reference is 9: one of the vehicles: 1, 2, 3, 4",
+    ]
+
+
+def test_a_mission_that_is_not_there(tmp_path: Path) -> None:
+    code, _, errors = swarmctl("run", "nowhere.yaml", cwd=tmp_path)
+    assert code == 2
+    assert "nowhere.yaml is neither a mission file nor a shipped mission (beacon_drift" in errors
+
+
+def test_a_udp_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> None:
+    mission = short_mission()
+    port = int(yaml.safe_load(mission.read_text())["swarm"]["link"].rpartition(":")[2])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", port))
+        code, _, errors = swarmctl("demo", str(mission), "--headless", "--out", "out", cwd=tmp_path)
+    assert code == 3
+    assert f"UDP port {port} on 127.0.0.1 is in use" in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_broker_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> None:
+    mission = short_mission()
+    port = int(yaml.safe_load(mission.read_text())["feed"]["broker"].rpartition(":")[2])
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", port))
+        taken.listen()
+        code, _, errors = swarmctl("demo", str(mission), "--headless", cwd=tmp_path)
+    assert code == 3
+    assert str(port) in errors
+
+
+def test_no_broker_is_named(short_mission: Short, tmp_path: Path) -> None:
+    mission = short_mission()
+    broker = yaml.safe_load(mission.read_text())["feed"]["broker"].removeprefix("mqtt://")
+    code, _, errors = swarmctl("run", str(mission), "--headless", cwd=tmp_path)
+    assert code == 3
+    assert f"No MQTT broker can be reached at {broker}" in errors
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("silent", "vehicle 3 never answered on udpin://"),
+        ("refuses_arming", "vehicle 3 refused to arm"),
+    ],
+)
+def test_a_vehicle_at_fault_is_named(
+    short_mission: Short, tmp_path: Path, kind: str, says: str
+) -> None:
+    mission = short_mission(sim__faults=[{"sysid": 3, "kind": kind}])
+    code, output, _ = swarmctl(
+        "demo", str(mission), "--headless", "--speedup", SPEEDUP, "--out", "out", cwd=tmp_path
+    )
+    assert code == 3
+    assert says in output
+    assert summary_of(tmp_path / "out")["result"] in {"vehicle_silent", "arming_refused"}
+
+
+def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
+    short_mission: Short, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    command = Command(
+        "demo", str(short_mission()), "--headless", "--speedup", SPEEDUP, "--out", str(out),
+        cwd=tmp_path,
+    )  # fmt: skip
+    command.until("forming")
+    command.interrupt()
+    code, output, _ = command.end()
+    assert code == 130
+    assert "the operator asked for the return home; bringing the swarm home" in output
+    summary = summary_of(out)
+    assert summary["result"] == "cancelled"
+    assert "/decision/MissionEnded" in topics_of(out)
+
+
+def test_a_second_ctrl_c_leaves_at_once_and_says_what_the_vehicles_do(
+    short_mission: Short, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    command = Command(
+        "demo", str(short_mission()), "--headless", "--speedup", "5", "--out", str(out),
+        cwd=tmp_path,
+    )  # fmt: skip
+    command.until("forming")
+    command.interrupt()
+    command.until("bringing the swarm home")
+    command.interrupt()
+    code, _, errors = command.end(timeout=10.0)
+    assert code == 130
+    assert "nobody commands the vehicles now:" in errors
+    for sysid in (1, 2, 3, 4):
+        assert re.search(rf"vehicle {sysid} \(GUIDED, \d+ m AMSL\) brakes about 3 s after", errors)
+    assert "/decision/Plan" in topics_of(out)
+
+
+def test_a_recording_is_never_overwritten(short_mission: Short, tmp_path: Path) -> None:
+    mission = str(short_mission())
+    arguments = ("demo", mission, "--in-memory", "--out", "out")
+    assert swarmctl(*arguments, cwd=tmp_path)[0] == 0
+    code, _, errors = swarmctl(*arguments, cwd=tmp_path)
+    assert code == 2
+    assert "out" in errors
+
+
+def test_the_version(tmp_path: Path) -> None:
+    code, output, _ = swarmctl("--version", cwd=tmp_path)
+    assert (code, output) == (0, "swarmctl 0.1.0\n")

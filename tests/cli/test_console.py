@@ -1,0 +1,132 @@
+"""What the operator sees."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from swarmctl.cli.console import Reporter, headless_line, print_summary, render
+from swarmctl.events import Notice
+from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.snapshot import EstimateSnapshot, Snapshot, VehicleSnapshot
+from tests.missions import short_mission_text
+
+VEHICLE = VehicleSnapshot(
+    sysid=2,
+    is_reference=False,
+    mode="GUIDED",
+    armed=True,
+    alt_amsl_m=42.1,
+    slot_error_m=0.83,
+    range_to_reference_m=285.2,
+    battery_fraction=0.71,
+    silence_s=0.1,
+    loss=0.013,
+    rate_hz=17.0,
+)
+SNAPSHOT = Snapshot(
+    mission="short",
+    phase="approaching",
+    progress="1318 m to the orbit",
+    elapsed_s=217.0,
+    d_max_m=300.0,
+    vehicles=(replace(VEHICLE, sysid=1, is_reference=True, slot_error_m=None), VEHICLE),
+    estimate=EstimateSnapshot(
+        position_enu=(2240.0, 1110.0, -2.5),
+        lat_rad=0.95,
+        lon_rad=0.19,
+        velocity_enu=(1.4, 0.5, 0.0),
+        sigma_major_m=11.6,
+        sigma_minor_m=2.2,
+        sigma_angle_rad=0.4,
+        nis=1.83,
+        rd_count=3,
+        age_s=0.1,
+    ),
+    rd_rate_hz=30.0,
+    rd_used=6000,
+    rd_dropped=12,
+)
+
+
+def shown(snapshot: Snapshot, *notices: Notice) -> str:
+    page = io.StringIO()
+    Console(file=page, width=140).print(render(snapshot, "a title", list(notices)))
+    return page.getvalue()
+
+
+def test_a_line_says_where_the_mission_is() -> None:
+    assert headless_line(SNAPSHOT) == (
+        "[  217 s] approaching 1318 m to the orbit"
+        " | emitter ± 11.6 m (1σ), NIS 1.8 of 3, 30 RD/s"
+        " | slots ≤ 0.8 m, ranges ≤ 285 of 300 m"
+    )
+
+
+def test_a_line_before_anything_is_measured_is_short() -> None:
+    bare = replace(VEHICLE, slot_error_m=None, range_to_reference_m=None)
+    estimate = replace(SNAPSHOT.estimate, rd_count=0)
+    line = headless_line(replace(SNAPSHOT, vehicles=(bare,), estimate=estimate))
+    assert line == "[  217 s] approaching 1318 m to the orbit"
+
+
+def test_the_live_console_shows_phase_vehicles_and_estimate() -> None:
+    text = shown(SNAPSHOT, Notice(at_s=1.0, level="warning", text="mind the gap"))
+    for part in (
+        "a title",
+        "APPROACHING",
+        "1318 m to the orbit",
+        "1 reference",
+        "GUIDED",
+        "42 m AMSL",
+        "0.8 m",
+        "285 of 300 m",
+        "71%",
+        "17/s, 1.3% lost",
+        "1σ 11.6 x 2.2 m",
+        "NIS 1.8 of 3",
+        "30 RD/s",
+        "6000 used, 12 dropped",
+        "mind the gap",
+    ):
+        assert part in text
+
+
+def test_a_silent_vehicle_shows() -> None:
+    silent = replace(VEHICLE, silence_s=4.0)
+    never = replace(VEHICLE, silence_s=float("inf"))
+    assert "silent 4 s" in shown(replace(SNAPSHOT, vehicles=(silent,)))
+    assert "never heard" in shown(replace(SNAPSHOT, vehicles=(never,)))
+
+
+def test_before_anything_is_measured_the_estimate_is_called_a_prior() -> None:
+    estimate = replace(SNAPSHOT.estimate, rd_count=0)
+    assert "nothing measured yet" in shown(replace(SNAPSHOT, estimate=estimate))
+
+
+def test_where_there_is_no_terminal_lines_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with Reporter(parse_mission(short_mission_text()), headless=False) as reporter:
+        assert reporter.every_s == 3.0
+        reporter.snapshot(SNAPSHOT)
+        reporter.notice(Notice(at_s=12.0, level="error", text="vehicle 3 [x] fell silent"))
+    output = capsys.readouterr().out
+    assert "1318 m to the orbit" in output
+    assert "[   12 s] error: vehicle 3 [x] fell silent" in output
+
+
+def test_the_summary_leaves_out_what_is_not_known(capsys: pytest.CaptureFixture[str]) -> None:
+    summary: dict[str, object] = {
+        "result": "vehicle_lost",
+        "detail": "vehicle 2 has been silent for 5 s",
+        "final_error_m": None,
+        "duration_s": 100.4,
+        "wall_s": 5.0,
+    }
+    print_summary(summary, Path("somewhere"))
+    output = capsys.readouterr().out
+    assert "vehicle_lost: vehicle 2 has been silent for 5 s" in output
+    assert "100 s" in output
+    assert "5.0 s, 20 x real time" in output
+    assert "error of the final" not in output

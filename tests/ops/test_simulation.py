@@ -1,0 +1,78 @@
+"""A mission becomes the simulator's configuration."""
+
+import math
+
+import pytest
+
+from swarmctl.errors import UsageError
+from swarmctl.mission.loading import load_mission, parse_mission
+from swarmctl.ops.simulation import sim_config, simulation_section
+from tests.missions import DEMO, short_mission_text
+
+
+def test_everything_the_mission_says_of_the_truth_is_handed_on() -> None:
+    mission = load_mission(DEMO)
+    config = sim_config(mission, None, 1000.0)
+    assert config.swarm == "alpha"
+    assert config.seed == 1
+    assert config.utc_start_s == 1000.0
+    assert [v.sysid for v in config.vehicles] == [1, 2, 3, 4]
+    assert config.receivers.reference == 1
+    assert (config.receivers.rate_hz, config.receivers.sigma_m, config.receivers.rho) == (
+        10,
+        3,
+        0.5,
+    )
+    assert config.navigation.white_sigma_m == 0.5
+    assert config.wind.gust_sigma_mps == 0.7
+    assert config.emitter.wander_mps_per_sqrt_s == 0.02
+
+
+def test_the_seed_can_be_overridden() -> None:
+    assert sim_config(load_mission(DEMO), 7, 0.0).seed == 7
+
+
+def test_a_course_is_where_the_emitter_drifts_to_and_a_wind_is_where_it_comes_from() -> None:
+    config = sim_config(load_mission(DEMO), None, 0.0)
+    # Course 70 degrees: mostly east, a little north.
+    assert config.emitter.velocity_enu == pytest.approx((1.4095, 0.5130, 0.0), abs=1e-4)
+    # Wind from 290 degrees (west-north-west) blows east and south.
+    assert config.wind.mean_enu == pytest.approx((4.6985, -1.7101, 0.0), abs=1e-4)
+
+
+def test_launch_points_lie_eastwards_at_the_spacing() -> None:
+    mission = load_mission(DEMO)
+    config = sim_config(mission, None, 0.0)
+    places = [
+        mission.frame.to_enu(v.launch_lat_rad, v.launch_lon_rad, v.launch_alt_amsl_m)
+        for v in config.vehicles
+    ]
+    for i, place in enumerate(places):
+        assert place == pytest.approx((20.0 * i, 0.0, 0.0), abs=1e-6)
+
+
+def test_faults_reach_their_vehicle() -> None:
+    faults = [
+        {"sysid": 1, "kind": "silent"},
+        {"sysid": 2, "kind": "refuses_arming"},
+        {"sysid": 3, "kind": "dies", "at_s": 12.5},
+    ]
+    config = sim_config(parse_mission(short_mission_text(sim__faults=faults)), None, 0.0)
+    got = [(v.silent, v.refuses_arming, v.dies_at_s) for v in config.vehicles]
+    assert got == [
+        (True, False, None),
+        (False, True, None),
+        (False, False, 12.5),
+        (False, False, None),
+    ]
+
+
+def test_a_mission_for_real_vehicles_cannot_be_simulated() -> None:
+    mission = load_mission(DEMO).model_copy(update={"sim": None})
+    with pytest.raises(UsageError, match="the mission beacon_drift has no sim section"):
+        simulation_section(mission)
+
+
+def test_angles_of_the_emitter_are_radians() -> None:
+    emitter = sim_config(load_mission(DEMO), None, 0.0).emitter
+    assert emitter.lat_rad == pytest.approx(math.radians(54.44))

@@ -1,0 +1,103 @@
+"""The station, without sockets: what goes where."""
+
+import json
+
+import msgspec
+import pytest
+
+from swarmctl.events import EmitterTruth, Record
+from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
+from swarmctl.mission.controller import Controller
+from swarmctl.mission.loading import parse_mission
+from swarmctl.ops.station import Station
+from tests.missions import short_mission_text
+
+
+class Tape:
+    """Keeps what is recorded."""
+
+    def __init__(self) -> None:
+        self.records: list[tuple[Record, float]] = []
+
+    def record(self, record: Record, utc_s: float) -> None:
+        self.records.append((record, utc_s))
+
+    def frame(self, raw: bytes, utc_s: float) -> None:
+        pass
+
+
+TRUTH = msgspec.json.encode(
+    TruthMessage(
+        epoch_utc_s=1000.0,
+        lat_deg=54.4365,
+        lon_deg=11.1955,
+        alt_amsl_m=0.0,
+        velocity_enu=(0.0, 0.0, 0.0),
+    )
+)
+
+
+def station(tape: Tape | None = None) -> Station:
+    return Station(parse_mission(short_mission_text()), 0.0, 1000.0, tape)
+
+
+def test_the_truth_reaches_the_recorder_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[object] = []
+    monkeypatch.setattr(Controller, "receive", lambda _self, event, _now: seen.append(event))
+    tape = Tape()
+    ground = station(tape)
+    ground.message("swarm/alpha/truth", TRUTH, 5.0)
+    assert [type(record) for record, _ in tape.records] == [EmitterTruth]
+    assert tape.records[0][1] == 1005.0
+    assert seen == []
+
+
+def test_without_a_recorder_nobody_subscribes_to_the_truth() -> None:
+    assert station().topics == ("swarm/alpha/tdoa",)
+    assert station(Tape()).topics == ("swarm/alpha/tdoa", "swarm/alpha/truth")
+
+
+def test_what_is_heard_is_recorded_before_it_is_acted_on() -> None:
+    tape = Tape()
+    ground = station(tape)
+    payload = msgspec.json.encode(
+        RangeDifferenceMessage(
+            epoch_utc_s=1000.0,
+            reference=1,
+            receiver=2,
+            rd_m=10.0,
+            sigma_m=3.0,
+            rho=0.5,
+            clock_sigma_s=0.0,
+            seq=0,
+        )
+    )
+    ground.message("swarm/alpha/tdoa", payload, 0.0)
+    ground.settle(0.0)
+    kinds = [type(record).__name__ for record, _ in tape.records]
+    assert kinds == ["RangeDifferences", "PhaseChanged"]
+
+
+def test_a_malformed_message_is_said_once_and_counted() -> None:
+    ground = station()
+    for _ in range(3):
+        ground.message("swarm/alpha/tdoa", b"nonsense", 0.0)
+        ground.settle(0.0)
+    assert len(ground.notices()) == 1
+    assert ground.counts()["feed_rejected"] == 3
+
+
+def test_a_lost_broker_is_said() -> None:
+    ground = station()
+    ground.broker_state(connected=False, now=0.0)
+    ground.settle(0.0)
+    assert [notice.text for notice in ground.notices()] == ["the broker is lost; reconnecting"]
+
+
+def test_a_snapshot_can_be_taken_at_any_time() -> None:
+    ground = station()
+    snapshot = ground.snapshot(0.0)
+    assert snapshot.phase == "waiting"
+    assert snapshot.estimate.sigma_major_m == pytest.approx(100.0)
+    assert [vehicle.sysid for vehicle in snapshot.vehicles] == [1, 2, 3, 4]
+    assert json.loads(msgspec.json.encode(ground.counts()))["rd_dropped"] == 0
