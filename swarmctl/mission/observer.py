@@ -63,7 +63,8 @@ class Observer:
     @property
     def dropped(self) -> int:
         """Range differences that could not be used."""
-        return sum(self._tracker.dropped.values())
+        dropped = self._tracker.dropped
+        return dropped.total() - dropped["invalid_position"]
 
     def position(self, report: VehiclePosition, position_enu: Vector) -> None:
         """Take a vehicle's position; one without an epoch is of no use to the tracker."""

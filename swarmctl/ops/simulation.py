@@ -179,7 +179,8 @@ async def simulated(
     however that ends.
 
     Raises:
-        SwarmError: If it cannot serve; the message is the simulator's own.
+        SwarmError: If it cannot serve, or ended before the context did; the message is the
+            simulator's own.
     """
     arguments = ["sim", str(mission_path), "--with-parent", "--speedup", repr(speedup)]
     if seed is not None:
@@ -198,6 +199,9 @@ async def simulated(
             message = (await process.stderr.read()).decode().strip()
             raise SwarmError(message or "the simulator ended before it was ready")
         yield
+        if process.returncode is not None:
+            message = (await process.stderr.read()).decode().strip()
+            raise SwarmError(f"the simulator ended in mid-flight: {message or 'without a word'}")
     finally:
         process.stdin.close()
         with contextlib.suppress(TimeoutError):
