@@ -1,0 +1,65 @@
+"""The recording's life: opened late, closed always, stamped with where it comes from."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from swarmctl.errors import UsageError
+from swarmctl.events import PhaseChanged
+from swarmctl.mission.loading import load_mission
+from swarmctl.ops.recording import Recording
+from swarmctl.ops.station import Station
+from tests.missions import DEMO
+
+
+def recording(out: Path | None, seed: int | None = 4) -> Recording:
+    return Recording(load_mission(DEMO), DEMO, out, seed)
+
+
+def test_nothing_is_created_before_it_is_opened(tmp_path: Path) -> None:
+    with recording(tmp_path / "out") as kept:
+        kept.record(PhaseChanged(at_s=0.0, phase="waiting", trigger="", reason=""), 0.0)
+        kept.frame(b"\xfd", 0.0)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_open_is_closed_even_when_something_raises(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+
+    def fly() -> None:
+        with recording(out) as kept:
+            kept.open()
+            kept.record(PhaseChanged(at_s=0.0, phase="waiting", trigger="", reason=""), 0.0)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fly()
+    assert (out / "mission.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
+    assert (out / "mission.yaml").read_text() == DEMO.read_text()
+
+
+def test_a_recording_that_is_there_is_kept(tmp_path: Path) -> None:
+    with recording(tmp_path) as first:
+        first.open()
+    with recording(tmp_path) as second, pytest.raises(UsageError, match="holds a recording"):
+        second.open()
+
+
+def test_a_summary_says_where_it_comes_from(tmp_path: Path) -> None:
+    with recording(tmp_path) as kept:
+        kept.open()
+        summary = kept.summary(Station(load_mission(DEMO), 0.0, 0.0, kept), 1.5)
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert written == summary
+    assert (written["seed"], written["mission"], written["wall_s"]) == (4, "beacon_drift", 1.5)
+    assert {"swarmctl", "python", "numpy", "pymavlink"} <= written["versions"].keys()
+    assert "commit" in written
+
+
+def test_without_a_directory_there_is_still_a_summary() -> None:
+    with recording(None, None) as kept:
+        kept.open()
+        summary = kept.summary(Station(load_mission(DEMO), 0.0, 0.0, kept), 1.5)
+    assert summary["seed"] is None
+    assert summary["final_error_m"] is None
