@@ -65,14 +65,17 @@ def fly_in_memory(
             steps += 1
             now = steps * STEP_S
             world.advance(now)
-            for sysid, data in world.datagrams():
+            datagrams, publications = world.datagrams(), world.publications()
+            for sysid, data in datagrams:
                 station.datagram(data, ("memory", sysid), now)
-            for topic, payload in world.publications():
+            for topic, payload in publications:
                 station.message(topic, payload, now)
             if now >= station.next_wake():
                 station.wake(now)
-            else:
+            elif datagrams or publications:
                 station.settle(now)
+            else:
+                continue
             for data, (_, sysid) in station.datagrams():
                 world.receive_datagram(sysid, data)
             station.publications()

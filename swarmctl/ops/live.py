@@ -26,6 +26,8 @@ from swarmctl.ops.station import Station
 
 HICCUP_S = 0.5
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
+ONE_INTERRUPT_S = 0.5
+"""Signals this close together are one: make and timeout pass on what the process gets anyway."""
 PUBLICATIONS_KEPT = 50
 """Estimates waiting for a slow broker; older ones are worth nothing and are dropped."""
 
@@ -106,7 +108,7 @@ class _Shell:
         self._endpoint: UdpEndpoint | None = None
         self._outbox: asyncio.Queue[tuple[str, bytes]] = asyncio.Queue(PUBLICATIONS_KEPT)
         self._on_notice: Callable[[Notice], None] | None = None
-        self._asked_to_return = False
+        self._asked_at_s: float | None = None
 
     async def run(
         self, endpoint: UdpEndpoint, feed: FeedClient, on_notice: Callable[[Notice], None] | None
@@ -133,10 +135,11 @@ class _Shell:
 
     def interrupt(self) -> None:
         """First: bring the swarm home. Second: leave at once."""
-        if not self._asked_to_return:
-            self._asked_to_return = True
+        now_s = asyncio.get_running_loop().time()
+        if self._asked_at_s is None:
+            self._asked_at_s = now_s
             self._run(self.station.request_return)
-        elif not self._done.done():
+        elif now_s - self._asked_at_s > ONE_INTERRUPT_S and not self._done.done():
             self._done.set_exception(AbandonedError(what_vehicles_do(self.station)))
 
     def snapshot(self) -> Snapshot:
