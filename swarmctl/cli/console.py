@@ -35,7 +35,7 @@ class Reporter:
     def __init__(self, mission: Mission, *, headless: bool) -> None:
         self._console = Console(highlight=False)
         self._live = (
-            Live(console=self._console, refresh_per_second=4, transient=True)
+            Live(console=self._console, refresh_per_second=4, screen=True)
             if self._console.is_terminal and not headless
             else None
         )
