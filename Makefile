@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint docs clean
+.PHONY: setup demo test lint bench docs clean
 
 setup: $(READY)
 
@@ -28,6 +28,9 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest tests/test_imports.py
+
+bench: setup
+	$(BIN)/python -m tests.benchmarks.bench_in_memory
 
 docs: setup
 	$(BIN)/python docs/generate.py
