@@ -179,6 +179,7 @@ async def simulated(
     however that ends.
 
     Raises:
+        UsageError: If the simulator says that an argument is wrong.
         SwarmError: If it cannot serve, or ended before the context did; the message is the
             simulator's own.
     """
@@ -197,7 +198,8 @@ async def simulated(
         line = await process.stdout.readline()
         if not line.decode().startswith(READY):
             message = (await process.stderr.read()).decode().strip()
-            raise SwarmError(message or "the simulator ended before it was ready")
+            kind = UsageError if await process.wait() == UsageError.exit_code else SwarmError
+            raise kind(message or "the simulator ended before it was ready")
         yield
         if process.returncode is not None:
             message = (await process.stderr.read()).decode().strip()

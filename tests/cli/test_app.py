@@ -210,6 +210,16 @@ def test_a_broker_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> 
     assert str(port) in errors
 
 
+@pytest.mark.parametrize("broker", ["http://localhost", "mqtts://localhost"])
+def test_a_broker_that_cannot_be_meant_is_bad_input(
+    short_mission: Short, tmp_path: Path, broker: str
+) -> None:
+    mission = str(short_mission())
+    code, _, errors = swarmctl("demo", mission, "--headless", "--broker", broker, cwd=tmp_path)
+    assert code == 2
+    assert "mqtt://" in errors
+
+
 def test_no_broker_is_named(short_mission: Short, tmp_path: Path) -> None:
     mission = short_mission()
     broker = yaml.safe_load(mission.read_text())["feed"]["broker"].removeprefix("mqtt://")
