@@ -100,7 +100,13 @@ def demo(
         if broker is not None:
             raise UsageError("--in-memory uses no broker: leave --broker out.")
         with Reporter(loaded, headless=True) as reporter:
-            summary = fly_in_memory(path, out, seed=seed, on_snapshot=reporter.snapshot)
+            summary = fly_in_memory(
+                path,
+                out,
+                seed=seed,
+                on_snapshot=reporter.snapshot,
+                on_notice=reporter.notice,
+            )
     else:
 
         async def both() -> dict[str, object]:

@@ -66,6 +66,11 @@ class Observer:
         dropped = self._tracker.dropped
         return dropped.total() - dropped["invalid_position"]
 
+    @property
+    def guard_firings(self) -> int:
+        """Updates in which the filter had to keep its covariance positive by force."""
+        return self._tracker.guard_firings
+
     def position(self, report: VehiclePosition, position_enu: Vector) -> None:
         """Take a vehicle's position; one without an epoch is of no use to the tracker."""
         if report.epoch_utc_s is not None:

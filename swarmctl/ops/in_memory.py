@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sim.world import World
 from swarmctl.errors import SwarmError
+from swarmctl.events import Notice
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
@@ -33,6 +34,7 @@ def fly_in_memory(
     *,
     seed: int | None = None,
     on_snapshot: Callable[[Snapshot], None] | None = None,
+    on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 10.0,
 ) -> dict[str, object]:
     """Fly a mission against simulated vehicles on a virtual clock.
@@ -42,6 +44,7 @@ def fly_in_memory(
         out: Directory of the recording; None records nothing but still gives the summary.
         seed: Overrides the mission's seed.
         on_snapshot: Called every ``snapshot_every_s`` of mission time.
+        on_notice: Called with each sentence for the operator.
         snapshot_every_s: See ``on_snapshot``, s.
 
     Returns:
@@ -79,6 +82,9 @@ def fly_in_memory(
             for data, (_, sysid) in station.datagrams():
                 world.receive_datagram(sysid, data)
             station.publications()
+            for notice in station.notices():
+                if on_notice is not None:
+                    on_notice(notice)
             if on_snapshot is not None and now >= snapshot_at:
                 snapshot_at += snapshot_every_s
                 on_snapshot(station.snapshot(now))

@@ -164,6 +164,7 @@ class _Shell:
                 self._arm()
         except Exception as error:
             # Callbacks have nobody above them: the flight's own coroutine raises it instead.
+            error.add_note(what_vehicles_do(self.station))
             self._done.set_exception(error)
 
     def _arm(self) -> None:

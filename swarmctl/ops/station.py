@@ -171,9 +171,11 @@ class Station:
         return {
             "mavlink_messages_in": self.link.messages_in,
             "setpoints_out": self.link.setpoints_out,
+            "setpoints_dropped": self.link.setpoints_dropped,
             "mavlink_rejected": sum(self.link.rejected.values()),
             "feed_rejected": sum(self.intake.rejected.values()),
             "rd_dropped": self.controller.observer.dropped,
+            "guard_firings": self.controller.observer.guard_firings,
         }
 
     def _observe(self, event: Observation, now: float) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from swarmctl.errors import UsageError
-from swarmctl.ops.in_memory import UTC_START_S, fly_in_memory
+from swarmctl.events import Notice
+from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.station import Station
 
 Short = Callable[..., Path]
@@ -83,9 +84,11 @@ def test_garbage_on_both_inputs_harms_nothing(
 )
 def test_a_vehicle_at_fault_is_the_result(short_mission: Short, kind: str, result: str) -> None:
     mission = short_mission(sim__faults=[{"sysid": 3, "kind": kind}])
-    summary = fly_in_memory(mission)
+    said: list[Notice] = []
+    summary = fly_in_memory(mission, on_notice=said.append)
     assert summary["result"] == result
     assert "vehicle 3" in str(summary["detail"])
+    assert any(str(summary["detail"]) in notice.text for notice in said)
 
 
 def test_a_vehicle_that_dies_in_flight_brings_the_others_home(short_mission: Short) -> None:
@@ -103,8 +106,3 @@ def test_a_mission_without_a_simulation_cannot_be_simulated(
     path.write_text(text[: text.index("sim:")] + text[text.index("swarm:") :])
     with pytest.raises(UsageError, match="has no sim section"):
         fly_in_memory(path)
-
-
-def test_virtual_time_begins_at_a_fixed_instant() -> None:
-    # The recording is a function of mission and seed alone only while this is a constant.
-    assert UTC_START_S == 1_790_000_000.0
