@@ -1,4 +1,4 @@
-"""The posterior Cramér-Rao bound (PCRB) of the constant-velocity track.
+"""The posterior Cramér-Rao bound (PCRB) of a track.
 
 For ``x' = F x + w``, ``w ~ N(0, Q)`` and RDs ``r(e) + eps``, ``eps ~ N(0, C)``, no estimator's
 error covariance is below P of the recursion (Tichavský, Muravchik, Nehorai, "Posterior
@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array, as_finite, as_not_negative
-from swarmctl.estimation.motion import process_noise, transition
+from swarmctl.estimation.motion import Motion
 from swarmctl.estimation.rd_model import effective_covariance, jacobian
 
 
@@ -34,20 +34,20 @@ class CramerRaoBound:
     """The recursion, one epoch at a time.
 
     Attributes:
-        covariance: The bound P of the state [e, v], (..., 2d, 2d).
+        covariance: The bound P of the state, (..., n, n), its first d entries the position.
 
     Args:
-        prior_covariance: Covariance of the prior, (..., 2d, 2d), positive semi-definite.
-        process_noise: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
+        prior_covariance: Covariance of the prior, (..., n, n), positive semi-definite.
+        motion: The emitter's motion, a state of n.
 
     Raises:
-        EstimationError: A shape is wrong, a number not finite, a density negative, or the
-            prior not positive semi-definite.
+        EstimationError: A shape is wrong, a number not finite, or the prior not positive
+            semi-definite.
     """
 
-    def __init__(self, prior_covariance: ArrayLike, process_noise: ArrayLike) -> None:
-        self._psd = as_finite("process_noise", process_noise, None)
-        n = 2 * self._psd.shape[-1]
+    def __init__(self, prior_covariance: ArrayLike, motion: Motion) -> None:
+        self._motion = motion
+        n = motion.size
         prior = as_finite("prior_covariance", prior_covariance, n, n)
         smallest = np.linalg.eigvalsh(prior).min()
         if smallest < -1e-9 * np.abs(prior).max():
@@ -63,8 +63,7 @@ class CramerRaoBound:
         Raises:
             EstimationError: dt is negative or not finite.
         """
-        Q = process_noise(dt, self._psd)
-        F = transition(dt, self._psd.shape[-1])
+        F, Q = self._motion.step(dt)
         self.covariance = F @ self.covariance @ F.T + Q
 
     def update(
@@ -87,26 +86,26 @@ class CramerRaoBound:
         Raises:
             EstimationError: A shape is wrong, a number not finite, or sigma_p negative.
         """
-        d = self._psd.shape[-1]
+        emitter = as_finite("emitter", emitter, None)
+        d = emitter.shape[-1]
         companions = as_finite("companions", companions, None, d)
         n = companions.shape[-2]
         C = effective_covariance(
             as_finite("rd_covariance", rd_covariance, n, n), as_not_negative("sigma_p", sigma_p)
         )
-        J = jacobian(
-            as_finite("emitter", emitter, d), as_finite("reference", reference, d), companions
-        )
-        H = np.concatenate([J, np.zeros_like(J)], axis=-1)
+        J = jacobian(emitter, as_finite("reference", reference, d), companions)
+        padding = np.zeros((*J.shape[:-1], self._motion.size - d))
+        H = np.concatenate([J, padding], axis=-1)
         PH = self.covariance @ H.mT
         gain = np.linalg.solve(H @ PH + C, PH.mT).mT
-        rest = np.eye(2 * d) - gain @ H
+        rest = np.eye(self._motion.size) - gain @ H
         P = rest @ self.covariance @ rest.mT + gain @ C @ gain.mT
         self.covariance = 0.5 * (P + P.mT)
 
 
 def pcrb(
     prior_covariance: ArrayLike,
-    process_noise: ArrayLike,
+    motion: Motion,
     epochs_s: ArrayLike,
     emitter: ArrayLike,
     reference: ArrayLike,
@@ -117,8 +116,8 @@ def pcrb(
     """The bound along a whole trajectory, RDs at every epoch; time is the first axis.
 
     Args:
-        prior_covariance: At the first epoch, before its RDs, (..., 2d, 2d).
-        process_noise: (d,), m²/s³.
+        prior_covariance: At the first epoch, before its RDs, (..., n, n).
+        motion: The emitter's motion, a state of n.
         epochs_s: (K,), s, not decreasing.
         emitter: True positions, (K, ..., d), m.
         reference: True positions, (K, ..., d), m.
@@ -127,7 +126,7 @@ def pcrb(
         sigma_p: 1-sigma of the measured UAV positions per axis, m.
 
     Returns:
-        P after the RDs of each epoch, (K, ..., 2d, 2d).
+        P after the RDs of each epoch, (K, ..., n, n).
 
     Raises:
         EstimationError: As :class:`CramerRaoBound`; or the epochs decrease or their number is
@@ -137,7 +136,7 @@ def pcrb(
     tracks = (np.asarray(emitter), np.asarray(reference), np.asarray(companions))
     if epochs.ndim != 1 or any(len(track) != epochs.size for track in tracks):
         raise EstimationError(f"epochs_s must be (K,), one per position, not {epochs.shape}.")
-    bound = CramerRaoBound(prior_covariance, process_noise)
+    bound = CramerRaoBound(prior_covariance, motion)
     history = []
     previous = epochs[0]
     for epoch, e, p_0, p in zip(epochs, *tracks, strict=True):

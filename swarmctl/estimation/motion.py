@@ -1,10 +1,15 @@
-"""The emitter moves with constant velocity, disturbed by white acceleration.
+"""How the emitter moves between two epochs: constant velocity, or constant acceleration.
 
-State ``x = [e, v]`` in d axes, (..., 2d). The acceleration of axis i is white with power
-spectral density ``q_i`` (m²/s³): in a second the velocity walks sqrt(q_i) m/s.
+A state of order n in a axes is ``[position, velocity, ...]``, (..., n a): order 2 is constant
+velocity (CV), order 3 constant acceleration (CA). Both are disturbed by noise.
 """
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,46 +17,120 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array
 
 
-def transition(dt: float, d: int) -> Array:
-    """F = [[I, dt I], [0, I]], (2d, 2d).
+def transition(dt: float, axes: int, order: int = 2) -> Array:
+    """F of Eq. (7): block (i, j) is ``dt^(j-i) / (j-i)! I``, (order axes, order axes).
 
     Args:
         dt: Step, s; negative to go back.
-        d: Number of axes.
+        axes: Number of axes.
+        order: Number of blocks: 2 for CV, 3 for CA.
     """
-    return np.eye(2 * d) + dt * np.eye(2 * d, k=d)
+    F = np.eye(order * axes)
+    for k in range(1, order):
+        F += dt**k / math.factorial(k) * np.eye(order * axes, k=k * axes)
+    return F
 
 
 def process_noise(dt: float, psd: Array) -> Array:
-    """Q = [[dt³/3, dt²/2], [dt²/2, dt]] x diag(q), the exact integral of F q Fᵀ.
+    """Q = [[dt³/3, dt²/2], [dt²/2, dt]] x diag(q): the exact integral of F q Fᵀ for CV.
+
+    The acceleration of axis i is white with the power spectral density ``q_i``: in a second
+    the velocity walks sqrt(q_i) m/s.
 
     Args:
         dt: Step, s, >= 0.
-        psd: Spectral density of the acceleration per axis, (d,), m²/s³, >= 0.
+        psd: Spectral density of the acceleration per axis, (a,), m²/s³, >= 0.
 
     Returns:
-        (2d, 2d).
+        (2a, 2a).
 
     Raises:
         EstimationError: dt or a density is negative or not finite.
     """
-    if psd.ndim != 1 or not (psd.min() >= 0.0 and psd.max() < np.inf):
-        raise EstimationError(
-            f"process noise must be d finite numbers >= 0, one per axis, not {psd.tolist()}."
-        )
-    if not 0.0 <= dt < np.inf:
-        raise EstimationError(f"dt must be a finite number >= 0, not {dt!r}.")
+    _require_densities("process noise", psd)
+    _require_step(dt)
     steps = np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
     Q: Array = steps[:, None, :, None] * np.diag(psd)[:, None, :]
     return Q.reshape(2 * psd.size, 2 * psd.size)
 
 
-def transport(x: Array, P: Array, dt: float) -> tuple[Array, Array]:
-    """State and covariance expressed at another epoch, without process noise.
+class Motion(Protocol):
+    """A linear motion model with additive noise: ``x' = F x + w``, ``w ~ N(0, Q)``."""
+
+    @property
+    def size(self) -> int:
+        """Length of the state."""
+
+    def step(self, dt: float) -> tuple[Array, Array]:
+        """F and Q of a step of ``dt`` seconds.
+
+        Raises:
+            EstimationError: dt is negative or not finite.
+        """
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """Constant velocity with white acceleration, state [position, velocity].
 
     Args:
-        x: (..., 2d).
-        P: (..., 2d, 2d).
+        psd: Spectral density of the acceleration per axis, m²/s³, >= 0.
+
+    Raises:
+        EstimationError: A density is negative or not finite.
+    """
+
+    psd: Sequence[float]
+
+    def __post_init__(self) -> None:
+        _require_densities("process noise", np.asarray(self.psd, dtype=np.float64))
+
+    @property
+    def size(self) -> int:
+        """Length of the state."""
+        return 2 * len(self.psd)
+
+    def step(self, dt: float) -> tuple[Array, Array]:
+        """As :meth:`Motion.step`."""
+        return transition(dt, len(self.psd)), process_noise(dt, np.asarray(self.psd, np.float64))
+
+
+@dataclass(frozen=True)
+class ConstantAcceleration:
+    """Constant acceleration whose value jumps at each step, Eq. (7) with Table 1's Q.
+
+    Table 1 gives Q one number per axis: it is the acceleration block, and per *step*.
+
+    Args:
+        variance: Of the jump per axis, (m/s²)², >= 0.
+
+    Raises:
+        EstimationError: A variance is negative or not finite.
+    """
+
+    variance: Sequence[float]
+
+    def __post_init__(self) -> None:
+        _require_densities("variance", np.asarray(self.variance, dtype=np.float64))
+
+    @property
+    def size(self) -> int:
+        """Length of the state."""
+        return 3 * len(self.variance)
+
+    def step(self, dt: float) -> tuple[Array, Array]:
+        """As :meth:`Motion.step`."""
+        _require_step(dt)
+        axes = len(self.variance)
+        return transition(dt, axes, 3), np.diag([*[0.0] * (2 * axes), *self.variance])
+
+
+def transport(x: Array, P: Array, dt: float) -> tuple[Array, Array]:
+    """A CV state and its covariance expressed at another epoch, without process noise.
+
+    Args:
+        x: (..., 2a).
+        P: (..., 2a, 2a).
         dt: Seconds ahead; negative to go back.
 
     Returns:
@@ -62,13 +141,13 @@ def transport(x: Array, P: Array, dt: float) -> tuple[Array, Array]:
 
 
 def predict(x: Array, P: Array, dt: float, psd: Array) -> tuple[Array, Array]:
-    """The time update, Eqs. (10) and (11): F x and F P Fᵀ + Q.
+    """The CV time update, Eqs. (10) and (11): F x and F P Fᵀ + Q.
 
     Args:
-        x: (..., 2d).
-        P: (..., 2d, 2d).
+        x: (..., 2a).
+        P: (..., 2a, 2a).
         dt: Step, s, >= 0.
-        psd: Spectral density of the acceleration per axis, (d,), m²/s³.
+        psd: Spectral density of the emitter's acceleration per axis, (a,), m²/s³.
 
     Returns:
         Predicted x and P.
@@ -79,3 +158,16 @@ def predict(x: Array, P: Array, dt: float, psd: Array) -> tuple[Array, Array]:
     Q = process_noise(dt, psd)
     x, P = transport(x, P, dt)
     return x, P + Q
+
+
+def _require_densities(name: str, values: Array) -> None:
+    # Written so that NaN fails too.
+    if values.ndim != 1 or not (values.min() >= 0.0 and values.max() < np.inf):
+        raise EstimationError(
+            f"{name} must be finite numbers >= 0, one per axis, not {values.tolist()}."
+        )
+
+
+def _require_step(dt: float) -> None:
+    if not 0.0 <= dt < np.inf:
+        raise EstimationError(f"dt must be a finite number >= 0, not {dt!r}.")

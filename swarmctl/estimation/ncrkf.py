@@ -72,8 +72,8 @@ class Update(NamedTuple):
     """Result of a measurement update.
 
     Attributes:
-        x: Updated state [e, v], (..., 2d).
-        P: Its covariance, (..., 2d, 2d), symmetric and positive definite.
+        x: Updated state, (..., n).
+        P: Its covariance, (..., n, n), symmetric and positive definite.
         nis: Normalised innovation squared, (...): chi-squared with N degrees of freedom if
             the filter is consistent.
         guarded: Whether the guard of P⁺ fired, (...) of bool.
@@ -158,8 +158,9 @@ def update(
     ``x`` and ``P`` carry the batch axes; the others broadcast against them.
 
     Args:
-        x: Predicted state [e, v] in an absolute frame, (..., 2d), d = 2 or 3, m and m/s.
-        P: Its covariance, (..., 2d, 2d), positive definite. A known height is a small
+        x: Predicted state, (..., n): the emitter's position e in d = 2 or 3 axes first, m;
+            then its velocity and what else the motion model has.
+        P: Its covariance, (..., n, n), positive definite. A known height is a small
             variance, not zero.
         reference: Measured position of the reference UAV, (..., d), m.
         companions: Measured positions of the companions, (..., N, d), N >= 1, m.
@@ -229,25 +230,33 @@ def _update(
 
     conditioned_rd = rd - innovation
     B = compensation(M, C - RS @ C, ranges)
+    identity = np.eye(d + 1)
     H_measured = HL + ((rd - predicted_rd) * scale)[..., None] * row
     MH = M @ (HL + ((conditioned_rd - predicted_rd) * scale)[..., None] * row)
     W = B.sum((-2, -1))[..., None, None]
     bias_of_score = np.matvec(B, mean + conditioned_rd).sum(-1)[..., None]
-    G = MH.mT @ H_measured - W * (row.mT * row) + np.eye(d + 1)
+    G = MH.mT @ H_measured - W * (row.mT * row) + identity
     score = np.vecmat(nu, MH) + bias_of_score * prior.row
 
-    eigenvalues, vectors = np.linalg.eigh(0.5 * (G + G.mT))
-    low = eigenvalues < _FLOOR
-    guarded = np.logical_or.reduce(low, axis=-1)
-    if guarded.any():
+    symmetric = 0.5 * (G + G.mT)
+    try:
+        # Every eigenvalue above the floor: the common case, at a third of their price.
+        np.linalg.cholesky(symmetric - _FLOOR * identity)
+        inverse_root: Array = np.linalg.inv(np.linalg.cholesky(symmetric)).mT
+        guarded: NDArray[np.bool_] = np.zeros(nis.shape, dtype=np.bool_)
+    except np.linalg.LinAlgError:
+        eigenvalues, vectors = np.linalg.eigh(symmetric)
+        low = eigenvalues < _FLOOR
+        guarded = np.logical_or.reduce(low, axis=-1)
         eigenvalues = np.where(low, 1.0, eigenvalues)
         mended = (vectors * eigenvalues[..., None, :]) @ vectors.mT
         G = np.where(guarded[..., None, None], mended, G)
         score = score - np.matvec((vectors * low[..., None, :]) @ vectors.mT, score)
+        inverse_root = vectors / np.sqrt(eigenvalues)[..., None, :]
 
     step = np.linalg.solve(G, score[..., None])[..., :d, 0]
-    # P = [root_e, root_v][...]ᵀ: the measurement shrinks the first d columns only.
-    shrunk = root[..., :d] @ (vectors[..., :d, :] / np.sqrt(eigenvalues)[..., None, :])
+    # P = [root_e, root_rest][...]ᵀ: the measurement shrinks the first d columns only.
+    shrunk = root[..., :d] @ inverse_root[..., :d, :]
     # A product with its own transpose is symmetric to the last bit.
     posterior_root = np.concatenate([shrunk, root[..., d:]], axis=-1)
     return Update(
@@ -270,10 +279,10 @@ def _require_shapes(
         raise EstimationError(f"reference must be (..., 2) or (..., 3), not {reference.shape}.")
     if n == 0:
         raise EstimationError(f"rd must be (..., N) with N >= 1, not {rd.shape}.")
-    if x.shape[-1:] != (2 * d,):
-        raise EstimationError(f"x must be (..., {2 * d}) as reference is, not {x.shape}.")
-    if P.shape != (*x.shape, 2 * d):
-        raise EstimationError(f"P must be {(*x.shape, 2 * d)} as x is, not {P.shape}.")
+    if x.ndim == 0 or x.shape[-1] < d:
+        raise EstimationError(f"x must be (..., n), n >= {d} as reference is, not {x.shape}.")
+    if P.shape != (*x.shape, x.shape[-1]):
+        raise EstimationError(f"P must be {(*x.shape, *x.shape[-1:])} as x is, not {P.shape}.")
     if companions.shape[-2:] != (n, d):
         raise EstimationError(f"companions must be (..., {n}, {d}), not {companions.shape}.")
     if rd_covariance.shape[-2:] != (n, n):

@@ -115,3 +115,27 @@ def effective_covariance(rd_covariance: Array, sigma_p: float) -> Array:
     """
     variance = sigma_p * sigma_p
     return rd_covariance + variance * (np.eye(rd_covariance.shape[-1]) + 1.0)
+
+
+def effective_relative_covariance(
+    rd_covariance: Array, sigma_p: float, emitter: Array, baselines: Array
+) -> Array:
+    """As :func:`effective_covariance`, about the RD computed at the *measured* baselines.
+
+    ``C_ij = Cr_ij + sigma_p² (delta_ij + u_iᵀ u_j)``, for the emitter's position relative to
+    the *true* reference UAV: to first order ``eps_j = dr_j + u_jᵀ (dp_j - dp_0)``.
+
+    Args:
+        rd_covariance: Covariance Cr of the RD noise, (..., N, N), m².
+        sigma_p: 1-sigma of every UAV's position per axis, m.
+        emitter: p, relative to the reference UAV, (..., d), m; not at a companion.
+        baselines: Measured m_j, (..., N, d), m.
+
+    Returns:
+        (..., N, N), m².
+    """
+    sight = emitter[..., None, :] - baselines
+    u = sight / np.sqrt(np.vecdot(sight, sight))[..., None]
+    variance = sigma_p * sigma_p
+    covariance: Array = rd_covariance + variance * (np.eye(rd_covariance.shape[-1]) + u @ u.mT)
+    return covariance

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
 from swarmctl.estimation.alignment import PositionHistory
 from swarmctl.estimation.bounds import CramerRaoBound
+from swarmctl.estimation.motion import ConstantVelocity
 from swarmctl.estimation.rd_model import rd_covariance
 from swarmctl.events import Estimate, RangeDifferences
 from swarmctl.frames import Vector
@@ -90,13 +92,13 @@ class Accuracy:
         *,
         reference: int,
         prior_covariance: ArrayLike,
-        process_noise: ArrayLike,
+        process_noise: Sequence[float],
         sigma_p_m: float,
         truth: TruthTrack,
         series: FlightSeries,
     ) -> None:
         self._reference = reference
-        self._bound = CramerRaoBound(prior_covariance, process_noise)
+        self._bound = CramerRaoBound(prior_covariance, ConstantVelocity(process_noise))
         self._bound_epoch_s: float | None = None
         self._sigma_p_m = sigma_p_m
         self._truth = truth

@@ -7,7 +7,7 @@ Figures that need it are None without it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,7 +54,7 @@ class DebriefSettings:
     observing_phases: frozenset[str]
     prior_mean: Vector
     prior_covariance: ArrayLike
-    process_noise: ArrayLike
+    process_noise: Sequence[float]
     sigma_p_m: float
     d_max_m: float
     stand_off_m: float

@@ -10,6 +10,7 @@ import numpy as np
 from swarmctl.estimation import motion, ncrkf
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds import CramerRaoBound
+from swarmctl.estimation.motion import ConstantVelocity
 from swarmctl.estimation.rd_model import range_differences
 
 
@@ -147,7 +148,7 @@ def fly(
     """
     runs, n = x.shape
     d = n // 2
-    bound = CramerRaoBound(P, psd)
+    bound = CramerRaoBound(P, ConstantVelocity(psd.tolist()))
     P = np.broadcast_to(P, (runs, n, n))
     root = np.linalg.cholesky(rd_covariance)
     rows: list[tuple[Array, Array, Array, Array]] = []

@@ -8,11 +8,12 @@ from filterpy.kalman import KalmanFilter
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds import CramerRaoBound, pcrb
-from swarmctl.estimation.motion import process_noise, transition
+from swarmctl.estimation.motion import ConstantVelocity, transition
 from swarmctl.estimation.rd_model import effective_covariance, jacobian, rd_covariance
 
 PRIOR = np.diag([400.0, 300.0, 1.0, 1.5, 1.5, 0.01]) ** 2
-PSD = np.array([4e-4, 4e-4, 0.0])
+MOTION = ConstantVelocity((4e-4, 4e-4, 0.0))
+STEADY = ConstantVelocity((0.0, 0.0, 0.0))
 CR = rd_covariance([3.0, 2.0, 3.0], 0.5)
 SIGMA_P = 0.5
 
@@ -34,10 +35,10 @@ def slope(where: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
 
 def test_the_recursion_agrees_with_filterpy_s_covariance() -> None:
     rng = np.random.default_rng(8)
-    bound = CramerRaoBound(PRIOR, PSD)
+    bound = CramerRaoBound(PRIOR, MOTION)
     judge = KalmanFilter(dim_x=6, dim_z=3)
     judge.P, judge.R = PRIOR.copy(), effective_covariance(CR, SIGMA_P)
-    judge.F, judge.Q = transition(0.1, 3), process_noise(0.1, PSD)
+    judge.F, judge.Q = MOTION.step(0.1)
     for _ in range(50):
         where = geometry(rng)
         bound.predict(0.1)
@@ -51,7 +52,7 @@ def test_the_recursion_agrees_with_filterpy_s_covariance() -> None:
 
 def test_the_recursion_is_fisher_s_information_added_up() -> None:
     rng = np.random.default_rng(9)
-    bound = CramerRaoBound(PRIOR, np.zeros(3))
+    bound = CramerRaoBound(PRIOR, STEADY)
     weight = np.linalg.inv(effective_covariance(CR, SIGMA_P))
     information = np.linalg.inv(PRIOR)
     back = transition(-0.5, 3)
@@ -69,7 +70,7 @@ def test_the_recursion_is_fisher_s_information_added_up() -> None:
 def test_an_axis_known_exactly_stays_known_exactly() -> None:
     known = PRIOR.copy()
     known[2, 2] = known[5, 5] = 0.0
-    bound = CramerRaoBound(known, PSD)
+    bound = CramerRaoBound(known, MOTION)
     rng = np.random.default_rng(10)
     for _ in range(100):
         bound.predict(0.1)
@@ -81,7 +82,7 @@ def test_an_axis_known_exactly_stays_known_exactly() -> None:
 
 def test_tight_axes_beside_loose_ones_stay_positive_definite() -> None:
     """A prior of 1000 km beside one of 0.1 mm, receivers good to 1 mm."""
-    bound = CramerRaoBound(np.diag([1e6, 1e6, 1e-4, 1e3, 1e3, 1e-6]) ** 2, np.zeros(3))
+    bound = CramerRaoBound(np.diag([1e6, 1e6, 1e-4, 1e3, 1e3, 1e-6]) ** 2, STEADY)
     rng = np.random.default_rng(11)
     for _ in range(50):
         bound.predict(0.1)
@@ -93,10 +94,10 @@ def test_a_batch_is_a_loop_and_a_trajectory_is_its_steps() -> None:
     rng = np.random.default_rng(12)
     epochs = np.array([0.0, 0.1, 0.5, 0.6])
     emitter, reference, companions = geometry(rng, 4, 5)
-    batch = pcrb(PRIOR, PSD, epochs, emitter, reference, companions, CR, SIGMA_P)
+    batch = pcrb(PRIOR, MOTION, epochs, emitter, reference, companions, CR, SIGMA_P)
     assert batch.shape == (4, 5, 6, 6)
     for trial in range(5):
-        bound = CramerRaoBound(PRIOR, PSD)
+        bound = CramerRaoBound(PRIOR, MOTION)
         for k, dt in enumerate((0.0, 0.1, 0.4, 0.1)):
             bound.predict(dt)
             observe(bound, (emitter[k, trial], reference[k, trial], companions[k, trial]))
@@ -105,13 +106,11 @@ def test_a_batch_is_a_loop_and_a_trajectory_is_its_steps() -> None:
 
 def test_wrong_arguments_are_named() -> None:
     where = geometry(np.random.default_rng(13))
-    bound = CramerRaoBound(PRIOR, PSD)
+    bound = CramerRaoBound(PRIOR, MOTION)
     with pytest.raises(EstimationError, match="prior_covariance must have shape"):
-        CramerRaoBound(np.eye(4), PSD)
+        CramerRaoBound(np.eye(4), MOTION)
     with pytest.raises(EstimationError, match="prior_covariance must be positive"):
-        CramerRaoBound(np.diag([1.0, -1.0, 1.0, 1.0]), np.zeros(2))
-    with pytest.raises(EstimationError, match="process_noise must be finite"):
-        CramerRaoBound(PRIOR, [0.0, np.nan, 0.0])
+        CramerRaoBound(np.diag([1.0, -1.0, 1.0, 1.0]), ConstantVelocity((0.0, 0.0)))
     with pytest.raises(EstimationError, match="dt must be"):
         bound.predict(-1.0)
     with pytest.raises(EstimationError, match="companions must have shape"):
@@ -122,4 +121,4 @@ def test_wrong_arguments_are_named() -> None:
         bound.update(*where, CR, -1.0)
     emitter, reference, companions = (a[None] for a in where)
     with pytest.raises(EstimationError, match="epochs_s must be"):
-        pcrb(PRIOR, PSD, [0.0, 1.0], emitter, reference, companions, CR, SIGMA_P)
+        pcrb(PRIOR, MOTION, [0.0, 1.0], emitter, reference, companions, CR, SIGMA_P)

@@ -308,7 +308,7 @@ def test_the_range_has_the_prior_s_mean_variance_and_covariance_to_second_order(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"x": np.zeros(5)}, "x must be"),
+        ({"x": np.zeros(2)}, "x must be"),
         ({"x": np.full(6, np.nan)}, "x must be finite"),
         ({"x": np.array([0.0, 0.0, 0.0, np.nan, 0.0, 0.0])}, "x must be finite"),
         ({"P": np.diag([1.0, 1.0, 1.0, 1.0, 1.0, np.inf])}, "P must be finite"),
