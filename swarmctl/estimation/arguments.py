@@ -9,6 +9,7 @@ from swarmctl.errors import EstimationError
 
 Array = NDArray[np.floating]
 """float64 throughout; numpy's linear algebra is typed no more closely than this."""
+Mask = NDArray[np.bool_]
 
 
 def as_finite(name: str, value: ArrayLike, *tail: int | None) -> Array:

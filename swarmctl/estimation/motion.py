@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -92,7 +93,8 @@ class ConstantVelocity:
 
     def step(self, dt: float) -> tuple[Array, Array]:
         """As :meth:`Motion.step`."""
-        return transition(dt, len(self.psd)), process_noise(dt, np.asarray(self.psd, np.float64))
+        _require_step(dt)
+        return _constant_velocity(dt, tuple(self.psd))
 
 
 @dataclass(frozen=True)
@@ -120,9 +122,7 @@ class ConstantAcceleration:
 
     def step(self, dt: float) -> tuple[Array, Array]:
         """As :meth:`Motion.step`."""
-        _require_step(dt)
-        axes = len(self.variance)
-        return transition(dt, axes, 3), np.diag([*[0.0] * (2 * axes), *self.variance])
+        return _constant_acceleration(dt, tuple(self.variance))
 
 
 def transport(x: Array, P: Array, dt: float) -> tuple[Array, Array]:
@@ -160,9 +160,27 @@ def predict(x: Array, P: Array, dt: float, psd: Array) -> tuple[Array, Array]:
     return x, P + Q
 
 
+# Epochs are mostly a fixed step apart; making F and Q costs a tenth of a live update.
+@lru_cache(maxsize=64)
+def _constant_velocity(dt: float, psd: tuple[float, ...]) -> tuple[Array, Array]:
+    return _fixed(transition(dt, len(psd)), process_noise(dt, np.array(psd)))
+
+
+@lru_cache(maxsize=64)
+def _constant_acceleration(dt: float, variance: tuple[float, ...]) -> tuple[Array, Array]:
+    _require_step(dt)
+    axes = len(variance)
+    return _fixed(transition(dt, axes, 3), np.diag([*[0.0] * (2 * axes), *variance]))
+
+
+def _fixed(F: Array, Q: Array) -> tuple[Array, Array]:
+    F.flags.writeable = Q.flags.writeable = False  # all who ask get the same two
+    return F, Q
+
+
 def _require_densities(name: str, values: Array) -> None:
     # Written so that NaN fails too.
-    if values.ndim != 1 or not (values.min() >= 0.0 and values.max() < np.inf):
+    if values.ndim != 1 or values.size == 0 or not (values.min() >= 0.0 and values.max() < np.inf):
         raise EstimationError(
             f"{name} must be finite numbers >= 0, one per axis, not {values.tolist()}."
         )

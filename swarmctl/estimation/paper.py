@@ -29,6 +29,8 @@ import numpy as np
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array
 
+_SINGULAR = "The update is singular: P must be positive definite and the variances positive."
+
 
 class Uncertainty(NamedTuple):
     """What is random in the linear measurement model, companion by companion, Eqs. (4)-(6).
@@ -116,24 +118,25 @@ def ncrkf_update(
         Updated x and P. As printed, P is not guarded: it may turn indefinite.
 
     Raises:
-        EstimationError: The update has no finite result.
+        EstimationError: The update is singular.
     """
     s = baselines.shape[-1] + 1
     R, W, V = uncertainty(baselines, rd, variance, sigma_p)
     H = rows(baselines, rd)
-    HM = H / R[..., None]
-    W_sum = (W / R[..., None]).sum(-2)
+    per_R = 1.0 / R
+    HM = H * per_R[..., None]
+    W_sum = per_R @ W
     A = HM.mT @ H
     diagonal = np.arange(s)
     A[..., diagonal, diagonal] -= W_sum
     residual = measurement(baselines, rd, variance, sigma_p) - np.matvec(H, x[..., :s])
-    score = np.vecmat(residual, HM) + W_sum * x[..., :s] - (V / R[..., None]).sum(-2)
+    score = np.vecmat(residual, HM) + W_sum * x[..., :s] - np.vecmat(per_R, V)
     PE = P[..., :s]
     try:
         gain = PE @ np.linalg.inv(np.eye(s) + A @ PE[..., :s, :])
     except np.linalg.LinAlgError:
-        raise EstimationError("The update is singular: its prior covariance is not one.") from None
-    P = P - gain @ A @ PE.mT
+        raise EstimationError(_SINGULAR) from None
+    P = P - gain @ (A @ P[..., :s, :])
     return x + np.matvec(gain, score), 0.5 * (P + P.mT)
 
 
@@ -164,12 +167,18 @@ def okf_update(
 
     Returns:
         Updated x and P.
+
+    Raises:
+        EstimationError: The update is singular.
     """
     s = baselines.shape[-1] + 1
     H = rows(true_baselines, true_rd)
     R = uncertainty(true_baselines, true_rd, variance, sigma_p).R
     PH = P[..., :s] @ H.mT
     residual = measurement(baselines, rd, variance, sigma_p) - np.matvec(H, x[..., :s])
-    gain = PH @ np.linalg.inv(H @ PH[..., :s, :] + R[..., None] * np.eye(R.shape[-1]))
+    try:
+        gain = PH @ np.linalg.inv(H @ PH[..., :s, :] + R[..., None] * np.eye(R.shape[-1]))
+    except np.linalg.LinAlgError:
+        raise EstimationError(_SINGULAR) from None
     P = P - gain @ PH.mT
     return x + np.matvec(gain, residual), 0.5 * (P + P.mT)

@@ -113,6 +113,8 @@ def effective_covariance(rd_covariance: Array, sigma_p: float) -> Array:
     Returns:
         (..., N, N), m².
     """
+    if sigma_p == 0.0:
+        return rd_covariance
     variance = sigma_p * sigma_p
     return rd_covariance + variance * (np.eye(rd_covariance.shape[-1]) + 1.0)
 

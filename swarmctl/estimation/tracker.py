@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +73,7 @@ class Tracker:
         prior_mean: Position and velocity, (6,), m and m/s, ENU.
         prior_covariance: (6, 6), positive definite. The height of an emitter on the ground or
             the sea is a small variance here.
+        vehicles: System ids of the UAVs that may measure.
         sigma_p_m: 1-sigma of the vehicles' reported positions, per axis, m.
         process_noise: Spectral density of the emitter's acceleration, (3,), m²/s³.
         max_wait_s: How much newer the newest position of any vehicle may get before a
@@ -90,6 +91,7 @@ class Tracker:
         prior_mean: ArrayLike,
         prior_covariance: ArrayLike,
         *,
+        vehicles: Collection[int],
         sigma_p_m: float,
         process_noise: ArrayLike,
         max_wait_s: float = 0.3,
@@ -102,6 +104,7 @@ class Tracker:
         if self._x.ndim != 1 or self._P.ndim != 2 or self._psd.ndim != 1:
             raise EstimationError("A tracker has one prior: no leading axes.")
         motion.process_noise(0.0, self._psd)
+        self._vehicles = frozenset(vehicles)
         self._sigma_p = as_not_negative("sigma_p_m", sigma_p_m)
         self._max_wait_s = as_not_negative("max_wait_s", max_wait_s)
         self._history_s = as_not_negative("history_s", history_s)
@@ -132,7 +135,11 @@ class Tracker:
             epoch_s: Epoch of the sample, s.
             position_enu: m.
             velocity_enu: m/s.
+
+        Raises:
+            EstimationError: The vehicle is none of the tracker's.
         """
+        self._require_known("vehicle", vehicle)
         if not (math.isfinite(epoch_s) and _is_plausible(*position_enu, *velocity_enu)):
             self.dropped["invalid_position"] += 1
             return
@@ -163,8 +170,12 @@ class Tracker:
             rho: Share of each variance that comes from the reference receiver, [0, 1).
 
         Raises:
-            EstimationError: The three sequences differ in length.
+            EstimationError: The three sequences differ in length, or the reference or a
+                receiver is none of the tracker's vehicles.
         """
+        self._require_known("reference", reference)
+        for receiver in receivers:
+            self._require_known("receiver", receiver)
         if not len(receivers) == len(rd_m) == len(sigma_m):
             raise EstimationError(
                 "receivers, rd_m and sigma_m must have one entry per range difference; they "
@@ -227,6 +238,11 @@ class Tracker:
         if dt < 0.0:
             return motion.transport(self._x, self._P, dt)
         return motion.predict(self._x, self._P, dt, self._psd)
+
+    def _require_known(self, name: str, vehicle: int) -> None:
+        if vehicle not in self._vehicles:
+            known = ", ".join(str(sysid) for sysid in sorted(self._vehicles))
+            raise EstimationError(f"{name} {vehicle} is unknown: the vehicles are {known}.")
 
     def _is_due(self, key: tuple[float, int]) -> bool:
         epoch_s, reference = key

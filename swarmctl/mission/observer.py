@@ -44,6 +44,7 @@ class Observer:
         self._tracker = Tracker(
             mean,
             covariance,
+            vehicles=mission.swarm.sysids,
             sigma_p_m=model.sigma_p_m,
             process_noise=process_noise(mission),
             history_s=HISTORY_S + hiccup_s,

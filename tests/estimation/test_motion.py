@@ -1,13 +1,23 @@
-"""The constant-velocity model."""
+"""The constant-velocity and the constant-acceleration model."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
+from hypothesis import given
+from hypothesis import strategies as st
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.motion import predict, process_noise, transition, transport
+from swarmctl.estimation.motion import (
+    ConstantAcceleration,
+    ConstantVelocity,
+    Motion,
+    predict,
+    process_noise,
+    transition,
+    transport,
+)
 
 PSD = np.array([0.04, 0.09, 0.0])
 
@@ -71,3 +81,56 @@ def test_a_batch_is_a_loop() -> None:
 def test_a_step_that_cannot_be_is_refused(dt: float, psd: list[float], message: str) -> None:
     with pytest.raises(EstimationError, match=message):
         process_noise(dt, np.array(psd))
+
+
+# --- Models as objects -----------------------------------------------------------------
+
+
+def test_constant_velocity_is_the_functions() -> None:
+    model: Motion = ConstantVelocity(PSD.tolist())
+    F, Q = model.step(0.7)
+    assert model.size == 6
+    np.testing.assert_array_equal(F, transition(0.7, 3))
+    np.testing.assert_array_equal(Q, process_noise(0.7, PSD))
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.7])
+def test_constant_acceleration_is_equation_7_with_table_1_s_noise(dt: float) -> None:
+    """Q is in the acceleration alone, and the same for a short step and a long one."""
+    model: Motion = ConstantAcceleration((0.01, 0.02))
+    F, Q = model.step(dt)
+    one, none = np.eye(2), np.zeros((2, 2))
+    assert model.size == 6
+    np.testing.assert_allclose(
+        F,
+        np.block([[one, dt * one, dt**2 / 2 * one], [none, one, dt * one], [none, none, one]]),
+        rtol=1e-15,
+    )
+    np.testing.assert_array_equal(Q, np.diag([0.0, 0.0, 0.0, 0.0, 0.01, 0.02]))
+
+
+@given(
+    a=st.floats(-100.0, 100.0),
+    b=st.floats(-100.0, 100.0),
+    axes=st.integers(1, 4),
+    order=st.integers(1, 4),
+)
+def test_two_transitions_are_one_over_the_sum(a: float, b: float, axes: int, order: int) -> None:
+    both = transition(a, axes, order) @ transition(b, axes, order)
+    # Rounding is relative to the terms added up, not to what cancels.
+    bound = transition(abs(a), axes, order) @ transition(abs(b), axes, order)
+    assert (np.abs(both - transition(a + b, axes, order)) <= 1e-14 * bound + 1e-300).all()
+
+
+@pytest.mark.parametrize(
+    ("model", "name"), [(ConstantVelocity, "process noise"), (ConstantAcceleration, "variance")]
+)
+def test_a_model_that_cannot_be_is_refused(
+    model: type[ConstantVelocity] | type[ConstantAcceleration], name: str
+) -> None:
+    for values in ([0.1, -0.1], [0.1, np.nan], [np.inf, 0.1], []):
+        with pytest.raises(EstimationError, match=f"{name} must be"):
+            model(values)
+    for dt in (-0.1, np.nan, np.inf):
+        with pytest.raises(EstimationError, match="dt must be"):
+            model((0.1, 0.1)).step(dt)

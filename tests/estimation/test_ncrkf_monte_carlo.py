@@ -11,9 +11,10 @@ import math
 import numpy as np
 import pytest
 
+from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.consistency import mean_bounds, nees
 from swarmctl.estimation.rd_model import rd_covariance
-from tests.estimation.scenarios import Record, fly, search_flight, table_1
+from tests.estimation.scenarios import Engagement, Record, fly, search_flight
 
 PROBABILITY = 0.999
 
@@ -36,26 +37,6 @@ def assert_efficient(flight: Record) -> None:
     low, high = np.sqrt(mean_bounds(1, flight.error.shape[1], PROBABILITY))
     ratio = flight.rmse_to_bound()
     assert ((low < ratio) & (ratio < high)).all(), (ratio, low, high)
-
-
-@pytest.mark.parametrize("scale", [1.0, 20.0])
-def test_table_1(scale: float) -> None:
-    """The paper's engagement from its prior, and from one twenty times as wide."""
-    rng = np.random.default_rng(1)
-    engagement = table_1()
-    P = np.diag([100.0, 100.0, 30.0, 30.0]) ** 2 / 9.0 * scale**2
-    flight = fly(
-        engagement,
-        engagement.emitter[0] + rng.multivariate_normal(np.zeros(4), P, size=200),
-        P,
-        psd=np.zeros(2),
-        rd_covariance=rd_covariance(np.full(3, 0.5), 0.0),
-        sigma_p=0.5,
-        rng=rng,
-        record=[50, 200, 400, 600, 800],
-    )
-    assert_consistent(flight, 3)
-    assert_efficient(flight)
 
 
 def search(
@@ -91,6 +72,75 @@ def test_flat_baselines_say_next_to_nothing_of_the_height() -> None:
     )
     assert_consistent(flight, 3)
     assert_efficient(flight)
+
+
+def over_unknown_ground(
+    altitudes_m: tuple[float, ...],
+    *,
+    ground_sigma_m: float,
+    range_m: float = 1000.0,
+    sigma_r_m: float = 1.0,
+    speed_mps: float = 0.0,
+    runs: int = 100,
+) -> Record:
+    """A reference and four companions around it, flying by or standing still."""
+    rng = np.random.default_rng(4)
+    P = np.diag([200.0, 200.0, ground_sigma_m, 1.0, 1.0, 0.01]) ** 2
+    truth = rng.multivariate_normal(np.zeros(6), P, size=runs)
+    epochs = 0.1 * np.arange(600)
+    drift = epochs[:, None, None] * truth[:, 3:]
+    emitter = np.concatenate([truth[:, :3] + drift, np.tile(truth[:, 3:], (600, 1, 1))], axis=-1)
+    angles = np.array([0.0, math.pi / 2, math.pi, -math.pi / 2])
+    ring = 285.0 * np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=-1)
+    center = np.array([-range_m, 0.0, 0.0]) + epochs[:, None] * [0.0, speed_mps, 0.0]
+    positions = center[:, None, :] + np.concatenate([np.zeros((1, 3)), ring])
+    positions[..., 2] += altitudes_m
+    engagement = Engagement(epochs, emitter, positions[:, 0], positions[:, 1:])
+    return fly(
+        engagement,
+        np.zeros((runs, 6)),
+        P,
+        psd=np.zeros(3),
+        rd_covariance=rd_covariance(np.full(4, sigma_r_m), 0.5),
+        sigma_p=0.3,
+        rng=rng,
+        record=[50, 200, 400, 599],
+    )
+
+
+def claimed_height(flight: Record) -> Array:
+    """1-sigma of the emitter's height at the end, (runs,), m."""
+    return np.asarray(np.sqrt(flight.covariance[-1, :, 2, 2]))
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 10.0])
+def test_the_height_is_found_where_the_receivers_span_height(speed_mps: float) -> None:
+    altitudes = (300.0, 60.0, 500.0, 60.0, 500.0)
+    flight = over_unknown_ground(altitudes, ground_sigma_m=40.0, speed_mps=speed_mps)
+    assert_consistent(flight, 4)
+    assert_efficient(flight)
+    assert (claimed_height(flight) < 0.05 * 40.0).all()
+
+
+def test_the_height_stays_a_constraint_where_they_do_not() -> None:
+    """All at one height, far away: the ground's uncertainty stays, and is in the error bars."""
+    flight = over_unknown_ground((80.0,) * 5, ground_sigma_m=20.0, range_m=3000.0, sigma_r_m=3.0)
+    assert_consistent(flight, 4)
+    assert_efficient(flight)
+    assert (claimed_height(flight) > 0.6 * 20.0).all()
+
+
+def test_a_height_known_to_a_quarter_of_the_swarm_s_own_is_well_enough_known() -> None:
+    """The module's limit. Beyond it the height, not the position, gets too small error bars."""
+    flight = over_unknown_ground((80.0,) * 5, ground_sigma_m=20.0)
+    assert_consistent(flight, 4)
+    assert_efficient(flight)
+    beyond = over_unknown_ground((80.0,) * 5, ground_sigma_m=40.0)
+    low, high = mean_bounds(2, 100, PROBABILITY)
+    position = nees(beyond.error[..., :2], beyond.covariance[..., :2, :2]).mean(-1)
+    assert ((low < position) & (position < high)).all()
+    height = (beyond.error[-1, :, 2] / claimed_height(beyond)) ** 2
+    assert height.mean() > mean_bounds(1, 100, PROBABILITY)[1]
 
 
 @pytest.mark.parametrize(("d_m", "range_m"), [(15.0, 2500.0), (285.0, 8000.0)])

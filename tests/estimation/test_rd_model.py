@@ -8,6 +8,7 @@ import pytest
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.rd_model import (
     effective_covariance,
+    effective_relative_covariance,
     jacobian,
     range_differences,
     rd_covariance,
@@ -100,9 +101,8 @@ def test_the_effective_covariance_is_that_of_the_residual_at_measured_positions(
         np.zeros(3),
         COMPANIONS - REFERENCE + d_companions - d_reference[:, None],
     )
-    u = EMITTER - COMPANIONS
-    u /= np.linalg.norm(u, axis=-1, keepdims=True)
-    assert_is_covariance_of(Cr + sigma_p**2 * (np.eye(3) + u @ u.T), relative)
+    C = effective_relative_covariance(Cr, sigma_p, EMITTER - REFERENCE, COMPANIONS - REFERENCE)
+    assert_is_covariance_of(C, relative)
 
 
 def assert_is_covariance_of(covariance: np.ndarray, draws: np.ndarray) -> None:
@@ -110,3 +110,39 @@ def assert_is_covariance_of(covariance: np.ndarray, draws: np.ndarray) -> None:
     variance = np.diag(covariance)
     error = np.sqrt((np.outer(variance, variance) + covariance**2) / len(draws))
     assert (np.abs(np.cov(draws.T) - covariance) < 5.0 * error).all()
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_relative_covariance_is_that_of_the_slopes_by_every_position(d: int) -> None:
+    """Cr + sigma_p² G Gᵀ, G by central differences; for a batch of emitters at once."""
+    Cr, sigma_p, step = rd_covariance([1.0, 1.5, 2.0], 0.4), 0.8, 1e-2
+    emitters = (EMITTER - REFERENCE)[:d] + np.array([0.0, 50.0, -80.0])[:, None]
+    baselines = (COMPANIONS - REFERENCE)[:, :d]
+    found = effective_relative_covariance(Cr, sigma_p, emitters, baselines)
+    assert found.shape == (3, 3, 3)
+    for p, C in zip(emitters, found, strict=True):
+        columns = []
+        for shift in step * np.eye(4 * d):
+            moved = shift.reshape(4, d)  # the reference UAV first
+            ahead, behind = (
+                range_differences(p, np.zeros(d), baselines + sign * (moved[1:] - moved[0]))
+                for sign in (1.0, -1.0)
+            )
+            columns.append((ahead - behind) / (2.0 * step))
+        G = np.stack(columns, axis=-1)
+        # The slopes err by step² / D², below 1e-9.
+        np.testing.assert_allclose(C, Cr + sigma_p**2 * G @ G.T, atol=1e-8)
+
+
+@pytest.mark.parametrize("far", [3e3, 3e4, 3e5])
+def test_far_away_the_relative_covariance_is_the_absolute_one(far: float) -> None:
+    """u_i and u_j differ by an angle below |m_i - m_j| / D, u_iᵀ u_j from 1 by half its square."""
+    Cr, sigma_p = rd_covariance([1.0, 1.5, 2.0], 0.4), 0.8
+    m = COMPANIONS - REFERENCE
+    emitter = far * np.array([0.6, 0.0, 0.8])
+    found = effective_relative_covariance(Cr, sigma_p, emitter, m)
+    short_of = effective_covariance(Cr, sigma_p) - found
+    apart = np.linalg.norm(m[:, None] - m, axis=-1)
+    nearest = far - np.linalg.norm(m, axis=-1).max()
+    assert (short_of > -1e-12).all()
+    assert (short_of <= 0.5 * sigma_p**2 * (apart / nearest) ** 2 + 1e-12).all()

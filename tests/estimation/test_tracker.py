@@ -28,7 +28,7 @@ EMITTER, DRIFT = np.array([0.0, 0.0, 0.0]), np.array([0.8, -0.3, 0.0])
 
 
 def tracker(**changes: float) -> Tracker:
-    return Tracker(MEAN, COVARIANCE, sigma_p_m=0.5, process_noise=PSD, **changes)
+    return Tracker(MEAN, COVARIANCE, vehicles=START, sigma_p_m=0.5, process_noise=PSD, **changes)
 
 
 def where(vehicle: int, t: float) -> tuple[float, float, float]:
@@ -198,7 +198,8 @@ def test_a_late_measurement_counts_as_if_it_had_come_in_time() -> None:
     """A second late, with an emitter that may move at tens of m/s: used where it belongs."""
     fast = np.diag([200.0, 200.0, 1.0, 30.0, 30.0, 0.01]) ** 2
     live, on_time = (
-        Tracker(MEAN, fast, sigma_p_m=0.5, process_noise=np.zeros(3)) for _ in range(2)
+        Tracker(MEAN, fast, vehicles=START, sigma_p_m=0.5, process_noise=np.zeros(3))
+        for _ in range(2)
     )
     late = 0.7
     for k in range(18):
@@ -328,7 +329,7 @@ def test_a_broken_position_is_counted_and_never_absorbed(bad: float) -> None:
 
 
 def test_an_update_without_a_finite_result_is_not_absorbed() -> None:
-    live = Tracker(MEAN, COVARIANCE, sigma_p_m=0.0, process_noise=PSD)
+    live = Tracker(MEAN, COVARIANCE, vehicles=START, sigma_p_m=0.0, process_noise=PSD)
     report(live, 0.0)
     live.add_range_differences(EPOCH + 0.1, 1, [2], heard(0.1)[:1], [1e-170], 0.5)
     report(live, 0.2)
@@ -440,6 +441,7 @@ def test_the_guard_s_firings_are_counted() -> None:
     live = Tracker(
         [5000.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         np.diag([8000.0, 8000.0, 1.0, 1.0, 1.0, 0.01]) ** 2,
+        vehicles=range(1, 14),
         sigma_p_m=0.5,
         process_noise=PSD,
     )
@@ -478,11 +480,22 @@ def test_a_tracker_that_cannot_be_is_refused(change: dict[str, object], message:
     arguments: dict[str, object] = {
         "prior_mean": MEAN,
         "prior_covariance": COVARIANCE,
+        "vehicles": START,
         "sigma_p_m": 0.5,
         "process_noise": PSD,
     }
     with pytest.raises(EstimationError, match=message):
         Tracker(**(arguments | change))  # type: ignore[arg-type]  # one of each type
+
+
+def test_a_vehicle_nobody_knows_is_named() -> None:
+    live = tracker()
+    with pytest.raises(EstimationError, match="vehicle 9 is unknown: the vehicles are 1, 2, 3, 4"):
+        live.add_position(9, EPOCH, (0.0, 0.0, 60.0), VELOCITY)
+    with pytest.raises(EstimationError, match="reference 9 is unknown"):
+        live.add_range_differences(EPOCH, 9, [2], [0.0], [3.0], 0.5)
+    with pytest.raises(EstimationError, match="receiver 9 is unknown"):
+        live.add_range_differences(EPOCH, 1, [2, 9], [0.0, 0.0], [3.0, 3.0], 0.5)
 
 
 def test_an_epoch_must_be_finite() -> None:
