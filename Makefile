@@ -31,6 +31,8 @@ lint: setup
 
 bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_in_memory
+	$(BIN)/python -m tests.benchmarks.bench_filters
+	$(BIN)/python -m tests.benchmarks.bench_study
 
 docs: setup
 	$(BIN)/python docs/generate.py

@@ -25,11 +25,12 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.recorder",
         "sim",
     },
-    "swarmctl.cli": COMMON | {"swarmctl.mission", "swarmctl.ops"},
+    "swarmctl.cli": COMMON | {"swarmctl.mission", "swarmctl.ops", "sim.study"},
     "sim": {"swarmctl.frames", "swarmctl.feed.schema"},
+    "sim.study": {"swarmctl.errors", "swarmctl.estimation"},
     "missions": {"swarmctl.ops", "swarmctl.mission"},
 }
-"""What of this project each room may import, besides itself."""
+"""What of this project each room may import, besides itself; a room inside a room has its own."""
 
 PURE = ("swarmctl.estimation", "swarmctl.formation", "swarmctl.mission")
 IMPURE = {"asyncio", "socket", "time", "datetime", "random", "threading", "aiomqtt", "amqtt"}
@@ -67,7 +68,7 @@ def within(name: str, room: str) -> bool:
 @pytest.mark.parametrize("path", sources(), ids=module_name)
 def test_a_module_imports_only_what_its_room_may_know(path: Path) -> None:
     name = module_name(path)
-    rooms = [room for room in ALLOWED if within(name, room)]
+    rooms = sorted((room for room in ALLOWED if within(name, room)), key=len)[-1:]
     for imported in imports(path):
         if not imported.startswith(("swarmctl", "sim.", "missions", "tests")):
             continue

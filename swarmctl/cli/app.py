@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 
 import swarmctl
+from swarmctl.cli import study
 from swarmctl.cli.console import Reporter, print_summary
 from swarmctl.cli.missions import find_mission
 from swarmctl.errors import SwarmError, UsageError
@@ -27,6 +28,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(study.app, name="study")
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file, or the name of a shipped one.")

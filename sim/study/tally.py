@@ -1,0 +1,195 @@
+"""What is kept of Monte Carlo runs: sums over the runs at every epoch, and their statistics.
+
+Sums add, so runs may be reduced as they come, in any number of chunks; memory does not grow
+with the number of runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from swarmctl.estimation.arguments import Array, Mask
+
+NORMAL_95 = 1.959964
+"""Two-sided 95 % quantile of the normal distribution."""
+CHI2_95 = 5.991465
+"""95 % quantile of chi-squared with two degrees of freedom."""
+LOST_ERROR_M = 500.0
+LOST_NEES = 30.0
+"""A track with a greater error or NEES counts as lost (chi-squared: 3e-7 by chance)."""
+
+
+@dataclass
+class Tally:
+    """Sums over runs; K epochs, the state is position and velocity east and north.
+
+    Attributes:
+        runs: Runs in all.
+        finite: Runs with finite numbers, (K,); the sums below are over these.
+        error: Σ error, (K, 4).
+        square: Σ error², (K, 4).
+        position_square: Σ |position error|², (K,).
+        position_fourth: Σ |position error|⁴, (K,).
+        variance: Σ variance claimed by the filter, (K, 4).
+        proper: Runs whose position covariance is positive definite, (K,); NEES needs one.
+        nees: Σ position NEES, (K,).
+        nees_square: Σ NEES², (K,).
+        inside: Runs with the truth inside the claimed 95 % ellipse, (K,).
+        lost: Runs lost, (K,).
+        guarded: Updates in which the filter's guard fired, over all runs, (K,).
+    """
+
+    runs: int
+    finite: Array
+    error: Array
+    square: Array
+    position_square: Array
+    position_fourth: Array
+    variance: Array
+    proper: Array
+    nees: Array
+    nees_square: Array
+    inside: Array
+    lost: Array
+    guarded: Array
+
+    @classmethod
+    def of(cls, error: Array, variance: Array, covariance: Array, guarded: Array) -> Self:
+        """Add up runs.
+
+        Args:
+            error: Estimate less truth, (K, runs, 4); not finite where a filter broke down.
+            variance: Claimed, (K, runs, 4).
+            covariance: Claimed, of east with north, (K, runs).
+            guarded: Firings of the guard, (K,).
+        """
+        finite: Mask = np.isfinite(error.sum(-1) + variance.sum(-1))
+        error = np.where(finite[..., None], error, 0.0)
+        variance = np.where(finite[..., None], variance, 0.0)
+        covariance = np.where(finite, covariance, 0.0)
+        squares = error * error
+        position = squares[..., 0] + squares[..., 1]
+        east, north = variance[..., 0], variance[..., 1]
+        determinant = east * north - covariance * covariance
+        proper = finite & (east > 0.0) & (determinant > 0.0)
+        form = north * squares[..., 0] + east * squares[..., 1]
+        form -= 2.0 * covariance * error[..., 0] * error[..., 1]
+        nees = np.where(proper, form / np.where(proper, determinant, 1.0), 0.0)
+        lost = ~proper | (position > LOST_ERROR_M**2) | (nees > LOST_NEES)
+        return cls(
+            runs=error.shape[1],
+            finite=finite.sum(1, dtype=float),
+            error=error.sum(1),
+            square=squares.sum(1),
+            position_square=position.sum(1),
+            position_fourth=(position * position).sum(1),
+            variance=variance.sum(1),
+            proper=proper.sum(1, dtype=float),
+            nees=nees.sum(1),
+            nees_square=(nees * nees).sum(1),
+            inside=(proper & (nees < CHI2_95)).sum(1, dtype=float),
+            lost=lost.sum(1, dtype=float),
+            guarded=guarded.astype(float),
+        )
+
+    def __iadd__(self, other: Self) -> Self:
+        for field in fields(self):
+            setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
+        return self
+
+    @property
+    def mean_error(self) -> Array:
+        """Mean of the errors, (K, 4): the paper's Figs. 4 and 6."""
+        return self.error / self.finite[:, None]
+
+    @property
+    def standard_deviation(self) -> Array:
+        """Standard deviation of the errors about their mean, (K, 4): Figs. 5 and 7."""
+        mean_square = self.square / self.finite[:, None]
+        deviation: Array = np.sqrt(np.maximum(mean_square - self.mean_error**2, 0.0))
+        return deviation
+
+    @property
+    def claimed(self) -> Array:
+        """Root of the mean variance the filter claims, (K, 4)."""
+        claimed: Array = np.sqrt(np.maximum(self.variance / self.finite[:, None], 0.0))
+        return claimed
+
+    @property
+    def rmse(self) -> Array:
+        """Root mean square of the position's error, (K,), m."""
+        rmse: Array = np.sqrt(self.position_square / self.finite)
+        return rmse
+
+    @property
+    def velocity_rmse(self) -> Array:
+        """Root mean square of the velocity's error, (K,), m/s."""
+        rmse: Array = np.sqrt((self.square[:, 2] + self.square[:, 3]) / self.finite)
+        return rmse
+
+    @property
+    def rmse_interval(self) -> Array:
+        """95 % confidence interval of the RMSE, (K, 2), m.
+
+        Of the mean square, by the central limit theorem; then its root.
+        """
+        low, high = _interval(self.position_square, self.position_fourth, self.finite)
+        interval: Array = np.sqrt(np.stack([np.maximum(low, 0.0), high], axis=-1))
+        return interval
+
+    @property
+    def mean_nees(self) -> Array:
+        """Mean position NEES over the runs, (K,); 2 is right."""
+        mean: Array = self.nees / self.proper
+        return mean
+
+    @property
+    def nees_interval(self) -> Array:
+        """95 % confidence interval of the mean NEES, (K, 2), by the central limit theorem."""
+        return np.stack(_interval(self.nees, self.nees_square, self.proper), axis=-1)
+
+    @property
+    def coverage(self) -> Array:
+        """Share of runs with the truth inside the claimed 95 % ellipse, (K,)."""
+        share: Array = self.inside / self.runs
+        return share
+
+
+@dataclass
+class BoundTally:
+    """Cramér-Rao bounds, added up over the runs they were computed for.
+
+    Attributes:
+        count: How many.
+        variance: Σ of the bound's diagonal, (K, 4): position and velocity.
+    """
+
+    count: int
+    variance: Array
+
+    def __iadd__(self, other: Self) -> Self:
+        self.count += other.count
+        self.variance = self.variance + other.variance
+        return self
+
+    @property
+    def standard_deviation(self) -> Array:
+        """Root of the mean bound, (K, 4)."""
+        deviation: Array = np.sqrt(self.variance / self.count)
+        return deviation
+
+    @property
+    def rmse(self) -> Array:
+        """Bound of the position's RMSE, (K,), m."""
+        rmse: Array = np.sqrt((self.variance[:, 0] + self.variance[:, 1]) / self.count)
+        return rmse
+
+
+def _interval(total: Array, square: Array, count: Array) -> tuple[Array, Array]:
+    mean = total / count
+    variance = np.maximum(square / count - mean**2, 0.0)
+    half = NORMAL_95 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))
+    return mean - half, mean + half

@@ -1,0 +1,210 @@
+"""``swarmctl study``: Monte Carlo studies of estimators. Parses, wires, prints."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from swarmctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from sim.study.consistency import Figure, Row
+    from sim.study.information import InformationStudy
+
+app = typer.Typer(help="Monte Carlo studies: the paper's simulation, consistency, information.")
+
+RunsOption = Annotated[int, typer.Option("--runs", min=2, help="Monte Carlo runs.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of all draws.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers.")]
+WorkersOption = Annotated[
+    int, typer.Option("--workers", min=1, help="Processes to spread the runs over.")
+]
+ExecutorOption = Annotated[
+    str | None, typer.Option("--executor", help="A dask cluster instead, dask://host:port.")
+]
+WithOption = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE.py", help="Registers filters or formations of yours."),
+]
+
+
+@app.command()
+def table1(
+    runs: RunsOption = 200,
+    seed: SeedOption = 0,
+    out: OutOption = Path("study-table1"),
+    rho: Annotated[
+        float,
+        typer.Option("--rho", min=0.0, max=0.999, help="Noise share of the reference receiver."),
+    ] = 0.0,
+    workers: WorkersOption = 1,
+    executor: ExecutorOption = None,
+    files: WithOption = None,
+) -> None:
+    """Reproduce the paper's Table 1: Figs. 2-9, with the Cramér-Rao bound and the NEES."""
+    from sim.study import figures, registry  # noqa: PLC0415 - loads scipy and matplotlib
+    from sim.study import table1 as study  # noqa: PLC0415
+
+    registry.load(files or [])
+    _make(out)
+    with _flying(workers, executor, files) as (pool, progress):
+        table = study.table1(runs=runs, seed=seed, rho=rho, executor=pool, on_progress=progress)
+    study.write(table, out)
+    figures.write_table1(table, out)
+    epochs = [round(t / table.campaign.engagement.period_s) for t in study.TIMES_S]
+    for formation, result in table.results.items():
+        shown = _table(formation, ["filter", "", *(f"{time_s:g} s" for time_s in study.TIMES_S)])
+        for name, tally in result.tallies.items():
+            shown.add_row(name, "RMSE (m)", *(f"{tally.rmse[k]:.3g}" for k in epochs))
+            shown.add_row("", "mean NEES", *(f"{tally.mean_nees[k]:.3g}" for k in epochs))
+        for name, bound in (("CA", result.ca_bound), ("CV", result.cv_bound)):
+            shown.add_row(f"bound, {name}", "m", *(f"{bound.rmse[k]:.3g}" for k in epochs))
+        Console().print(shown)
+    typer.echo(f"{runs} runs, seed {seed}; figures, table1.csv and table1.json in {out}")
+
+
+@app.command()
+def consistency(
+    runs: RunsOption = 500,
+    seed: SeedOption = 0,
+    case: Annotated[
+        list[str] | None,
+        typer.Option("--case", help="Only this case; may be repeated [default: all]."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    workers: WorkersOption = 1,
+    executor: ExecutorOption = None,
+    files: WithOption = None,
+) -> None:
+    """Measure error against the Cramér-Rao bound, and NEES, with confidence intervals."""
+    from sim.study import consistency as study  # noqa: PLC0415 - loads scipy
+    from sim.study import registry  # noqa: PLC0415
+
+    registry.load(files or [])
+    with _flying(workers, executor, files) as (pool, progress):
+        rows = study.consistency(
+            runs=runs,
+            seed=seed,
+            cases=tuple(case or study.CASES),
+            executor=pool,
+            on_progress=progress,
+        )
+    if as_json:
+        document = {"runs": runs, "seed": seed, "rho": study.RHO, "rows": [asdict(r) for r in rows]}
+        typer.echo(json.dumps(document, indent=1))
+        return
+    for name in dict.fromkeys(row.case for row in rows):
+        _print_case(study.CASES[name].title, [row for row in rows if row.case == name])
+    missed = [f"{row.case}: {s}" for row in rows for s in row.shortfalls or ()]
+    typer.echo("\n".join(["Targets missed:", *missed]) if missed else "All targets are met.")
+
+
+@app.command()
+def information(
+    runs: RunsOption = 200,
+    epochs: Annotated[int, typer.Option("--epochs", min=2, help="Epochs of each run.")] = 10_000,
+    seed: SeedOption = 0,
+    out: OutOption = Path("study-information"),
+    files: WithOption = None,
+) -> None:
+    """Appendix B: does the NCRKF's information converge to the OKF's, and what is it worth?"""
+    from sim.study import figures, registry  # noqa: PLC0415 - loads scipy and matplotlib
+    from sim.study import information as study  # noqa: PLC0415
+
+    registry.load(files or [])
+    _make(out)
+    studies = {
+        name: study.information(runs=runs, epochs=epochs, seed=seed, formation=slots)
+        for name, slots in registry.formations().items()
+    }
+    document = {"seed": seed, "formations": {n: s.to_json() for n, s in studies.items()}}
+    (out / "information.json").write_text(json.dumps(document, indent=1) + "\n")
+    figures.write_information(studies, out)
+    shown = _table("Information of the NCRKF, averaged over k epochs", ["", "", *studies])
+    lines: tuple[tuple[str, str, Callable[[InformationStudy], float]], ...] = (
+        ("relative difference from the OKF's, k = 1", "", lambda s: s.scaled.true_weight[0]),
+        (f"the same, k = {epochs}", "", lambda s: s.scaled.true_weight[-1]),
+        ("slope in log k (-1/2 is right)", "", lambda s: s.scaled.slope),
+        ("its limit with R of measured values", "", lambda s: s.scaled.floor),
+        ("position 1-sigma it claims, one epoch", "m", lambda s: s.claimed_m),
+        ("Cramér-Rao bound", "m", lambda s: s.attainable_m),
+        ("real error", "m", lambda s: s.error_m),
+        ("NEES (3 is right)", "", lambda s: s.nees),
+    )
+    for label, unit, value in lines:
+        shown.add_row(label, unit, *(f"{value(s):.3g}" for s in studies.values()))
+    Console().print(shown)
+    typer.echo(f"{runs} runs, seed {seed}; information.png and information.json in {out}")
+
+
+def _make(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--out {out} cannot be made: {error.strerror}.") from error
+
+
+def _print_case(title: str, rows: list[Row]) -> None:
+    times = [f"{instant.time_s:g} s" for instant in rows[0].instants]
+    shown = _table(title, ["filter", "", *times])
+    for row in rows:
+        judged = row.shortfalls is not None
+        shown.add_row(
+            row.filter, "RMSE/bound", *(_figure(i.ratio_cv, judged) for i in row.instants)
+        )
+        shown.add_row("", "mean NEES", *(_figure(i.nees, judged) for i in row.instants))
+        shown.add_row("", "lost", *[""] * (len(times) - 1), f"{row.lost}/{row.runs}")
+    shown.add_row("bound, CV", "m", *(f"{i.cv_bound_m:.3g}" for i in rows[0].instants))
+    shown.add_row("bound, CA", "m", *(f"{i.ca_bound_m:.3g}" for i in rows[0].instants))
+    Console().print(shown)
+
+
+def _figure(figure: Figure, with_interval: bool) -> str:
+    if not with_interval:
+        return f"{figure.value:.3g}"
+    return f"{figure.value:.2f}±{0.5 * (figure.high - figure.low):.2f}"
+
+
+def _table(title: str, columns: list[str]) -> Table:
+    shown = Table(
+        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, padding=(0, 1, 0, 0)
+    )
+    for index, column in enumerate(columns):
+        shown.add_column(column, justify="right" if index > 1 else "left", no_wrap=True)
+    return shown
+
+
+@contextmanager
+def _flying(
+    workers: int, executor: str | None, files: list[Path] | None
+) -> Iterator[tuple[Executor | None, Callable[[int, int], None]]]:
+    """An executor, and a progress bar on standard error."""
+    from sim.study.executors import executing  # noqa: PLC0415 - loads the simulator
+
+    bar = Progress(
+        TextColumn("runs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    with executing(workers, executor, files or []) as pool, bar:
+        task = bar.add_task("runs")
+
+        def progress(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield pool, progress
