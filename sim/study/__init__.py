@@ -14,5 +14,6 @@ studies; all parts are public (``docs/how-to/study-a-filter.md``).
 ``consistency``     error against the bound, and NEES, with confidence intervals
 ``information``     Appendices A and B: does the NCRKF's information converge to the OKF's?
 ``figures``         pictures of the above
+``jsonable``        results as JSON
 ==================  =========================================================================
 """

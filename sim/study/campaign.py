@@ -2,7 +2,8 @@
 
 Runs are flown in chunks of :data:`CHUNK`. A chunk's draws depend on the seed and its number
 only, and chunks are added up in their order, so the result is the same, bit for bit, whatever
-executes them. Every formation and every filter meets the same noise.
+executes them. Every filter meets the same noise, and so does every formation of as many
+companions.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ def run(
         By formation.
 
     Raises:
-        EstimationError: A filter failed; names it, the run and the time.
+        EstimationError: A filter failed; names it and the epoch.
         UsageError: A formation has the wrong shape.
     """
     work = [
@@ -180,21 +181,21 @@ class _Log:
         self._broken = np.zeros(runs, dtype=np.bool_)
 
     def step(self, k: int, moment: Moment, scan: Scan) -> None:
+        truth = moment.emitter
+        if self._filter.relative:
+            truth = truth - np.concatenate([moment.reference, moment.velocity], axis=-1)
         try:
             # A run that overflows is counted as broken; it need not be announced.
             with np.errstate(all="ignore"):
                 belief = self._filter.step(self._belief, scan)
                 track = self._filter.track(belief, scan)
-        except (EstimationError, np.linalg.LinAlgError) as error:
+            self._error[k] = track.x - truth
+            self._variance[k] = np.linalg.diagonal(track.P)
+            self._covariance[k] = track.P[..., 0, 1]
+        except Exception as error:  # a researcher's filter may raise anything
             raise EstimationError(f"{self._name} failed at epoch {k}: {error}") from error
         if belief.guarded is not None:
             self._guarded[k] = np.count_nonzero(belief.guarded & ~self._broken)
-        truth = moment.emitter
-        if self._filter.relative:
-            truth = truth - np.concatenate([moment.reference, moment.velocity], axis=-1)
-        self._error[k] = track.x - truth
-        self._variance[k] = np.linalg.diagonal(track.P)
-        self._covariance[k] = track.P[..., 0, 1]
         self._belief = self._without_broken(belief, k)
 
     def _without_broken(self, belief: Belief, k: int) -> Belief:

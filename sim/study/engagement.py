@@ -117,7 +117,9 @@ def fly(
     if motion is not None:
         if rng is None:
             raise UsageError("A disturbed emitter needs a random generator.")
-        root = np.linalg.cholesky(Q)
+        # By eigenvalues: an axis without noise makes Q singular.
+        eigenvalues, vectors = np.linalg.eigh(Q)
+        root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     heading: Array = np.full(emitter.shape[:-1], engagement.heading_rad)
     reference = np.zeros((*emitter.shape[:-1], 2))
     reference[..., 0] = -engagement.range_m

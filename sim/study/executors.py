@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -73,8 +74,17 @@ def executing(
     else:
         # Fresh processes: forking one that has threads (numpy's, a progress bar's) may hang.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as executor:
+        executor = ProcessPoolExecutor(
+            workers,
+            mp_context=context,
+            # Ctrl-C reaches the whole group; the parent alone answers it.
+            initializer=signal.signal,
+            initargs=(signal.SIGINT, signal.SIG_IGN),
+        )
+        try:
             yield executor
+        finally:
+            executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -95,5 +105,6 @@ def _dask(address: str, files: Sequence[Path]) -> Iterator[Executor]:
         raise SwarmError(f"No dask scheduler answers at {place}.") from error
     with client:
         for path in files:
-            client.upload_file(str(path))
+            # Not loaded at once: a worker imports it when it is given the first of its filters.
+            client.upload_file(str(path), load=False)
         yield client.get_executor()

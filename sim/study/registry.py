@@ -108,7 +108,7 @@ def load(paths: Iterable[Path]) -> None:
             raise
         except Exception as error:
             raise UsageError(f"{path} cannot be loaded: {error!r}.") from error
-        if Path(str(module.__file__)).resolve() != path.resolve():
+        if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
             raise UsageError(
                 f"{path} cannot be loaded: another module is called {path.stem}. Rename the file."
             )

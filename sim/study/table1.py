@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.study import registry
+from sim.study import jsonable, registry
 from sim.study.campaign import Campaign, FormationResult, run
 from sim.study.engagement import Engagement, fly
 from sim.study.starts import DrawnEstimate
@@ -141,7 +140,7 @@ def write(table: Table1, out: Path) -> None:
         "rho": table.campaign.engagement.rho,
         "rows": list(_summary(table)),
     }
-    (out / "table1.json").write_text(json.dumps(summary, indent=1) + "\n")
+    (out / "table1.json").write_text(jsonable.dumps(summary) + "\n")
     with (out / "table1.csv").open("w", newline="") as file:
         rows = _epochs(table)
         writer = csv.DictWriter(file, list(first := next(rows)))

@@ -17,6 +17,9 @@ NORMAL_95 = 1.959964
 """Two-sided 95 % quantile of the normal distribution."""
 CHI2_95 = 5.991465
 """95 % quantile of chi-squared with two degrees of freedom."""
+BROKEN = 1e9
+"""An error (m, m/s) beyond this, or a claimed variance beyond its square, is no number: the
+filter broke down. Powers of what remains do not overflow."""
 LOST_ERROR_M = 500.0
 LOST_NEES = 30.0
 """A track with a greater error or NEES counts as lost (chi-squared: 3e-7 by chance)."""
@@ -28,7 +31,7 @@ class Tally:
 
     Attributes:
         runs: Runs in all.
-        finite: Runs with finite numbers, (K,); the sums below are over these.
+        finite: Runs whose numbers are below :data:`BROKEN`, (K,); the sums are over these.
         error: Σ error, (K, 4).
         square: Σ error², (K, 4).
         position_square: Σ |position error|², (K,).
@@ -61,12 +64,14 @@ class Tally:
         """Add up runs.
 
         Args:
-            error: Estimate less truth, (K, runs, 4); not finite where a filter broke down.
+            error: Estimate less truth, (K, runs, 4).
             variance: Claimed, (K, runs, 4).
             covariance: Claimed, of east with north, (K, runs).
             guarded: Firings of the guard, (K,).
         """
-        finite: Mask = np.isfinite(error.sum(-1) + variance.sum(-1))
+        # Written so that NaN fails too.
+        finite: Mask = (np.abs(error).max(-1) < BROKEN) & (np.abs(variance).max(-1) < BROKEN**2)
+        finite &= np.abs(covariance) < BROKEN**2
         error = np.where(finite[..., None], error, 0.0)
         variance = np.where(finite[..., None], variance, 0.0)
         covariance = np.where(finite, covariance, 0.0)
@@ -103,31 +108,31 @@ class Tally:
     @property
     def mean_error(self) -> Array:
         """Mean of the errors, (K, 4): the paper's Figs. 4 and 6."""
-        return self.error / self.finite[:, None]
+        return _mean(self.error, self.finite[:, None])
 
     @property
     def standard_deviation(self) -> Array:
         """Standard deviation of the errors about their mean, (K, 4): Figs. 5 and 7."""
-        mean_square = self.square / self.finite[:, None]
+        mean_square = _mean(self.square, self.finite[:, None])
         deviation: Array = np.sqrt(np.maximum(mean_square - self.mean_error**2, 0.0))
         return deviation
 
     @property
     def claimed(self) -> Array:
         """Root of the mean variance the filter claims, (K, 4)."""
-        claimed: Array = np.sqrt(np.maximum(self.variance / self.finite[:, None], 0.0))
+        claimed: Array = np.sqrt(np.maximum(_mean(self.variance, self.finite[:, None]), 0.0))
         return claimed
 
     @property
     def rmse(self) -> Array:
         """Root mean square of the position's error, (K,), m."""
-        rmse: Array = np.sqrt(self.position_square / self.finite)
+        rmse: Array = np.sqrt(_mean(self.position_square, self.finite))
         return rmse
 
     @property
     def velocity_rmse(self) -> Array:
         """Root mean square of the velocity's error, (K,), m/s."""
-        rmse: Array = np.sqrt((self.square[:, 2] + self.square[:, 3]) / self.finite)
+        rmse: Array = np.sqrt(_mean(self.square[:, 2] + self.square[:, 3], self.finite))
         return rmse
 
     @property
@@ -143,8 +148,7 @@ class Tally:
     @property
     def mean_nees(self) -> Array:
         """Mean position NEES over the runs, (K,); 2 is right."""
-        mean: Array = self.nees / self.proper
-        return mean
+        return _mean(self.nees, self.proper)
 
     @property
     def nees_interval(self) -> Array:
@@ -188,8 +192,14 @@ class BoundTally:
         return rmse
 
 
+def _mean(total: Array, count: Array) -> Array:
+    """Of ``count`` numbers that add up to ``total``; NaN where there are none."""
+    mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0.0)
+    return mean
+
+
 def _interval(total: Array, square: Array, count: Array) -> tuple[Array, Array]:
-    mean = total / count
-    variance = np.maximum(square / count - mean**2, 0.0)
+    mean = _mean(total, count)
+    variance = np.maximum(_mean(square, count) - mean**2, 0.0)
     half = NORMAL_95 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))
     return mean - half, mean + half

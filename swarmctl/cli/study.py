@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -90,7 +88,7 @@ def consistency(
 ) -> None:
     """Measure error against the Cramér-Rao bound, and NEES, with confidence intervals."""
     from sim.study import consistency as study  # noqa: PLC0415 - loads scipy
-    from sim.study import registry  # noqa: PLC0415
+    from sim.study import jsonable, registry  # noqa: PLC0415
 
     registry.load(files or [])
     with _flying(workers, executor, files) as (pool, progress):
@@ -102,8 +100,8 @@ def consistency(
             on_progress=progress,
         )
     if as_json:
-        document = {"runs": runs, "seed": seed, "rho": study.RHO, "rows": [asdict(r) for r in rows]}
-        typer.echo(json.dumps(document, indent=1))
+        document = {"runs": runs, "seed": seed, "rho": study.RHO, "rows": rows}
+        typer.echo(jsonable.dumps(document))
         return
     for name in dict.fromkeys(row.case for row in rows):
         _print_case(study.CASES[name].title, [row for row in rows if row.case == name])
@@ -120,7 +118,7 @@ def information(
     files: WithOption = None,
 ) -> None:
     """Appendix B: does the NCRKF's information converge to the OKF's, and what is it worth?"""
-    from sim.study import figures, registry  # noqa: PLC0415 - loads scipy and matplotlib
+    from sim.study import figures, jsonable, registry  # noqa: PLC0415 - loads matplotlib
     from sim.study import information as study  # noqa: PLC0415
 
     registry.load(files or [])
@@ -130,7 +128,7 @@ def information(
         for name, slots in registry.formations().items()
     }
     document = {"seed": seed, "formations": {n: s.to_json() for n, s in studies.items()}}
-    (out / "information.json").write_text(json.dumps(document, indent=1) + "\n")
+    (out / "information.json").write_text(jsonable.dumps(document) + "\n")
     figures.write_information(studies, out)
     shown = _table("Information of the NCRKF, averaged over k epochs", ["", "", *studies])
     lines: tuple[tuple[str, str, Callable[[InformationStudy], float]], ...] = (

@@ -1,0 +1,39 @@
+"""Rows and curves of one's own for ``swarmctl study table1|consistency --with my_study.py``."""
+
+from math import pi
+
+import numpy as np
+
+from sim.study.registry import register_filter, register_formation
+from swarmctl.estimation.filters import Belief, Prior, Scan, Track, iterated_ekf, ncrkf
+
+# The same filter in other coordinates: which are best?
+register_filter("NCRKF, relative", lambda q: ncrkf(state="relative", process_noise=q))
+jump = (0.01, 0.01)  # Table 1's Q, (m/s²)²
+register_filter("NCRKF, relative CA", lambda _: ncrkf(state="accelerated", process_noise=jump))
+
+
+class Uncorrelated:
+    """What does it cost to forget that all range differences share a receiver?"""
+
+    relative = False
+    ekf = iterated_ekf()
+
+    def start(self, prior: Prior) -> Belief:
+        """The belief before the first scan."""
+        return self.ekf.start(prior)
+
+    def step(self, belief: Belief, scan: Scan) -> Belief:
+        """Predict, then update with the variances only."""
+        variances = np.diag(np.diag(scan.rd_covariance))
+        return self.ekf.step(belief, scan._replace(rd_covariance=variances))
+
+    def track(self, belief: Belief, scan: Scan) -> Track:
+        """Position and velocity."""
+        return self.ekf.track(belief, scan)
+
+
+register_filter("uncorrelated EKF", lambda _: Uncorrelated())
+
+# Angle from the line of sight (rad) and distance from the reference UAV (m) of each companion.
+register_formation("axis behind", [(-pi / 2, 300.0), (pi, 300.0), (pi / 2, 300.0)])
