@@ -40,6 +40,11 @@ docs: setup
 	$(BIN)/swarmctl demo --in-memory --seed 1 --out build/demo
 	cp build/demo/map.png docs/images/demo-map.png
 	cp build/demo/error.png docs/images/demo-error.png
+	$(BIN)/swarmctl study table1 --runs 200 --seed 0 --out build/table1
+	cp build/table1/fig2_information.png docs/images/table1-fig2.png
+	cp build/table1/fig5_position_error_std.png docs/images/table1-fig5.png
+	cp build/table1/fig8_position_nrmse.png docs/images/table1-fig8.png
+	cp build/table1/nees.png docs/images/table1-nees.png
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
