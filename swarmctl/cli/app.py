@@ -38,14 +38,15 @@ SpeedupOption = Annotated[
     float, typer.Option("--speedup", min=0.1, max=200.0, help="Mission seconds per second.")
 ]
 SeedOption = Annotated[
-    int | None, typer.Option("--seed", min=0, help="Seed of the simulation [default: mission's].")
+    int | None,
+    typer.Option("--seed", min=0, help="Seed of the simulation (default: the mission's)."),
 ]
 BrokerOption = Annotated[
     str | None, typer.Option("--broker", help="An MQTT broker, mqtt://host:port.")
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", help="Directory of the recording [default: flights/NAME-TIME]."),
+    typer.Option("--out", help="Directory of the recording (default: flights/NAME-TIME)."),
 ]
 HeadlessOption = Annotated[
     bool, typer.Option("--headless", help="Print a line every few seconds, no live console.")

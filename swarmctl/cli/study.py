@@ -79,7 +79,7 @@ def consistency(
     seed: SeedOption = 0,
     case: Annotated[
         list[str] | None,
-        typer.Option("--case", help="Only this case; may be repeated [default: all]."),
+        typer.Option("--case", help="Only this case; may be repeated (default: all)."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     workers: WorkersOption = 1,
