@@ -16,6 +16,7 @@ from rich.console import Console
 import swarmctl
 from swarmctl.cli import study
 from swarmctl.cli.console import Reporter, print_summary
+from swarmctl.cli.design import design
 from swarmctl.cli.missions import find_mission
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.mission.loading import load_mission
@@ -29,6 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command()(design)
 app.add_typer(study.app, name="study")
 
 MissionArgument = Annotated[

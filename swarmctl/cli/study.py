@@ -147,6 +147,56 @@ def information(
     typer.echo(f"{runs} runs, seed {seed}; information.png and information.json in {out}")
 
 
+@app.command()
+def formation(
+    runs: Annotated[int, typer.Option("--runs", min=2, help="Missions of each kind.")] = 100,
+    seed: SeedOption = 0,
+    companions: Annotated[
+        list[int] | None,
+        typer.Option("--n", min=1, help="Companions; may be repeated (default: 3, 4 and 6)."),
+    ] = None,
+    designs: Annotated[
+        list[str] | None,
+        typer.Option("--design", help="May be repeated (default: uniform, paper and optimal)."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    workers: WorkersOption = 1,
+    executor: ExecutorOption = None,
+) -> None:
+    """Fly whole missions with each formation: which finds the emitter soonest?"""
+    from sim.study import formation as study  # noqa: PLC0415 - loads the simulator
+    from sim.study import jsonable  # noqa: PLC0415
+
+    with _flying(workers, executor, None) as (pool, progress):
+        cells = study.formation(
+            runs=runs,
+            seed=seed,
+            designs=designs or study.DESIGNS,
+            companions=companions or study.COMPANIONS,
+            executor=pool,
+            on_progress=progress,
+        )
+    if as_json:
+        typer.echo(jsonable.dumps({"runs": runs, "seed": seed, "cells": cells}))
+        return
+    shown = _table(
+        f"time from forming up until 1-sigma < {study.CONVERGED_SIGMA_M:g} m, {runs} missions each",
+        ["N", "design", "mean (s)", "of the best", "95 %", "RMSE then (m)", "lost"],
+    )
+    for cell in cells:
+        low, high = cell.of_best_95
+        shown.add_row(
+            str(cell.companions),
+            cell.design,
+            f"{cell.mean_s:.1f}",
+            f"{cell.of_best:.2f}",
+            f"{low:.2f}-{high:.2f}",
+            f"{cell.rmse_m:.1f}",
+            f"{cell.lost}/{runs}",
+        )
+    Console().print(shown)
+
+
 def _make(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
