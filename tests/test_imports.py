@@ -11,7 +11,12 @@ ROOT = Path(__file__).parents[1]
 COMMON = {"swarmctl", "swarmctl.errors", "swarmctl.events", "swarmctl.frames"}
 ALLOWED: dict[str, set[str]] = {
     "swarmctl.estimation": {"swarmctl.errors"},
-    "swarmctl.formation": {"swarmctl.errors"},
+    "swarmctl.formation": {
+        "swarmctl.errors",
+        "swarmctl.estimation.bounds",
+        "swarmctl.estimation.motion",
+        "swarmctl.estimation.rd_model",
+    },
     "swarmctl.mission": COMMON | {"swarmctl.estimation", "swarmctl.formation"},
     "swarmctl.link": COMMON,
     "swarmctl.feed": COMMON,
@@ -25,9 +30,15 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.recorder",
         "sim",
     },
-    "swarmctl.cli": COMMON | {"swarmctl.mission", "swarmctl.ops", "sim.study"},
+    "swarmctl.cli": COMMON
+    | {"swarmctl.formation", "swarmctl.mission", "swarmctl.ops", "sim.study"},
     "sim": {"swarmctl.frames", "swarmctl.feed.schema"},
-    "sim.study": {"swarmctl.errors", "swarmctl.estimation"},
+    "sim.study": {
+        "swarmctl.errors",
+        "swarmctl.estimation",
+        "swarmctl.mission",
+        "swarmctl.ops",
+    },
     "missions": {"swarmctl.ops", "swarmctl.mission"},
 }
 """What of this project each room may import, besides itself; a room inside a room has its own."""

@@ -13,6 +13,7 @@ studies; all parts are public (``docs/how-to/study-a-filter.md``).
 ``table1``          the paper's Figs. 2-9, with the bound it did not draw
 ``consistency``     error against the bound, and NEES, with confidence intervals
 ``information``     Appendices A and B: does the NCRKF's information converge to the OKF's?
+``formation``       whole missions: which formation finds the emitter soonest?
 ``figures``         pictures of the above
 ``jsonable``        results as JSON
 ==================  =========================================================================

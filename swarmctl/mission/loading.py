@@ -215,7 +215,8 @@ def _fence_rule(view: _View) -> list[Fault]:
     d_max = view.number("limits.d_max_m")
     radius = view.number("limits.stand_off_m") + view.number("formation.stand_off_margin_m")
     distance = _prior_distance_m(view)
-    needed = distance + math.hypot(radius, d_max) if distance < radius else distance + d_max
+    # All round the emitter, with a companion behind the reference UAV.
+    needed = distance + radius + d_max
     faults = []
     if needed > fence:
         faults.append(
@@ -223,7 +224,8 @@ def _fence_rule(view: _View) -> list[Fault]:
                 "limits.geofence_radius_m",
                 f"{fence:g}",
                 f"at least {needed:.0f} m: the emitter is expected {distance:.0f} m from the"
-                f" origin and the formation around it needs {needed - distance:.0f} m more",
+                f" origin, and the orbit round it with the formation reaches"
+                f" {needed - distance:.0f} m farther",
             )
         )
     if distance < radius:

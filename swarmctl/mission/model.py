@@ -136,13 +136,20 @@ class Formation(Section):
     """How the companions stand.
 
     Attributes:
-        design: ``perpendicular`` (the paper's rule, Eqs. 29 and 31, the odd companion behind
-            the reference) or ``uniform`` (its Remark 2).
+        design: ``optimal`` for the mission's noise and range; ``paper`` (its Eqs. 29 and 31),
+            ``uniform`` (its Remark 2), ``regression`` or ``worst_case``.
+        sigma_rd_m: 1-sigma of a range difference to expect; shapes the optimal design.
+        rho: Share of its variance that comes from the reference receiver.
+        min_companions: With fewer companions left the swarm returns; with more, the others
+            close up and fly on without a lost one.
         margin_m: Slots are drawn at ``d_max_m`` less this.
         stand_off_margin_m: The swarm keeps this much more than ``stand_off_m``.
     """
 
-    design: Literal["perpendicular", "uniform"] = "perpendicular"
+    design: Literal["optimal", "paper", "uniform", "regression", "worst_case"] = "optimal"
+    sigma_rd_m: Positive = 3.0
+    rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
+    min_companions: Annotated[int, Field(ge=1)] = 2
     margin_m: Positive = 15.0
     stand_off_margin_m: Positive = 25.0
 
@@ -225,6 +232,7 @@ class SimReceivers(Section):
     rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
+    min_companions: Annotated[int, Field(ge=1)] = 2
 
 
 class SimNavigation(Section):

@@ -39,7 +39,7 @@ class Observer:
     """
 
     def __init__(self, mission: Mission, hiccup_s: float) -> None:
-        prior, model = mission.emitter, mission.filter
+        model = mission.filter
         mean, covariance = emitter_prior(mission)
         self._tracker = Tracker(
             mean,
@@ -54,12 +54,7 @@ class Observer:
         self.last_used_s: float | None = None
         self.used = 0
         self.covariance = covariance
-        self.target = Target(
-            (float(mean[0]), float(mean[1]), float(mean[2])),
-            (0.0, 0.0, 0.0),
-            prior.sigma_m,
-            prior.speed_sigma_mps,
-        )
+        self.target = _target(mean, covariance)
 
     @property
     def dropped(self) -> int:
@@ -117,17 +112,22 @@ class Observer:
             return
         state, covariance = self._tracker.predict_to(utc_s)
         self.covariance = covariance
-        east, north, up, v_east, v_north, v_up = state.tolist()
-        self.target = Target(
-            (east, north, up),
-            (v_east, v_north, v_up),
-            float(ellipse(covariance[:3, :3]).major),
-            float(ellipse(covariance[3:, 3:]).major),
-        )
+        self.target = _target(state, covariance)
 
     def rate_hz(self) -> float:
         """Range differences used per second, over the last seconds."""
         return sum(count for _, count in self._recent) / RATE_WINDOW_S
+
+
+def _target(state: np.ndarray, covariance: np.ndarray) -> Target:
+    east, north, up, v_east, v_north, v_up = state.tolist()
+    return Target(
+        (east, north, up),
+        (v_east, v_north, v_up),
+        float(ellipse(covariance[:3, :3]).major),
+        float(ellipse(covariance[3:, 3:]).major),
+        (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+    )
 
 
 def emitter_prior(mission: Mission) -> tuple[np.ndarray, np.ndarray]:

@@ -15,18 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.formation.constraints import Bounds, keep_inside, keep_outside, limit, violations
-from swarmctl.formation.designs import DESIGNS
 from swarmctl.formation.guidance import (
     LineOfSight,
     approach_and_orbit,
-    follow_line_of_sight,
     go_to,
     orbit_speed,
 )
-from swarmctl.formation.slots import assign, level_design, slot_offsets
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
+from swarmctl.mission.shape import Shape
 
 Array = NDArray[np.float64]
 Vector2 = tuple[float, float]
@@ -57,12 +55,24 @@ RANGE_GUARD = 3.0
 
 @dataclass(frozen=True)
 class Target:
-    """The estimate as guidance sees it: ENU, m and m/s; sigmas are 1-sigma larger axes."""
+    """The estimate as guidance sees it: ENU, m and m/s; sigmas are 1-sigma larger axes.
+
+    ``covariance`` is the horizontal position's: east, east with north, north, m².
+    """
 
     position_enu: Vector
     velocity_enu: Vector
     sigma_m: float
     speed_sigma_mps: float
+    covariance: tuple[float, float, float]
+
+    def los_sigma_rad(self, east: float, north: float) -> float:
+        """1-sigma of the line of sight from a place, rad; a half turn at the most."""
+        along_e, along_n = self.position_enu[0] - east, self.position_enu[1] - north
+        squared = along_e * along_e + along_n * along_n
+        ee, en, nn = self.covariance
+        across = along_n * along_n * ee - 2.0 * along_n * along_e * en + along_e * along_e * nn
+        return min(math.pi, math.sqrt(max(across, 0.0)) / max(squared, 1.0))
 
     @property
     def trusted_velocity(self) -> tuple[float, float]:
@@ -106,21 +116,12 @@ class Planner:
         self._frame = mission.frame
         sysids = mission.swarm.sysids
         self._reference = sysids.index(mission.swarm.reference)
-        self._companions = [i for i in range(len(sysids)) if i != self._reference]
         self._altitudes = [v.altitude_amsl_m for v in mission.swarm.vehicles]
-        limits = mission.limits
-        self._d_m = limits.d_max_m - mission.formation.margin_m
-        self._design = DESIGNS[mission.formation.design](
-            len(self._companions), self._d_m, limits.min_separation_m
-        )
         heights = np.array(self._altitudes) - self._altitudes[self._reference]
-        self._heights = heights[self._companions]
-        level_design(self._design, np.full(len(self._companions), np.abs(self._heights).max()))
-        self._stand_off_m = limits.stand_off_m + mission.formation.stand_off_margin_m
+        companions = [i for i in range(len(sysids)) if i != self._reference]
+        self._shape = Shape(mission, companions, heights[companions])
         self._positions = np.zeros((len(sysids), 2))
         self._velocities = np.zeros((len(sysids), 2))
-        self._los = LineOfSight(0.0, 0.0)
-        self._slots_of: Array = self._design
 
     def begin(self, positions: Array, target: Target) -> None:
         """Start from measured positions at rest and share out the slots.
@@ -132,13 +133,10 @@ class Planner:
         self._positions = np.array(positions, dtype=float)
         self._velocities = np.zeros_like(self._positions)
         reference = self._positions[self._reference]
-        bearing = math.atan2(
-            target.position_enu[1] - reference[1], target.position_enu[0] - reference[0]
+        east, north = (target.position_enu[:2] - reference).tolist()
+        self._shape.begin(
+            self._positions, reference, math.atan2(north, east), math.hypot(east, north)
         )
-        self._los = LineOfSight(bearing, 0.0)
-        slots = reference + slot_offsets(self._design, bearing)
-        taken = assign(self._positions[self._companions], slots)
-        self._slots_of = level_design(self._design[taken], self._heights)
 
     def step(
         self,
@@ -163,8 +161,12 @@ class Planner:
             velocities = self._homing_velocities(launch, target, dt)
         positions = self._positions + 0.5 * (self._velocities + velocities) * dt
         full = self._with_height(positions)
+        present = sorted([self._reference, *self._shape.members])
         broken = violations(
-            full, self._reference, np.array(target.position_enu), self._bounds(phase, target)
+            full[present],
+            present.index(self._reference),
+            np.array(target.position_enu),
+            self._bounds(phase, target),
         )
         if broken:
             velocities = np.zeros_like(velocities)
@@ -175,12 +177,39 @@ class Planner:
         level = np.zeros((len(full), 3))
         level[:, :2] = velocities
         slots = self._with_height(self._slots()) if phase in FLYING_FORMATION else full
-        return Planned(full, level, slots, self._los, tuple(broken))
+        return Planned(full, level, slots, self._shape.los, tuple(broken))
+
+    @property
+    def companions(self) -> tuple[int, ...]:
+        """Rows of the vehicles that fly in formation round the reference UAV."""
+        return tuple(self._shape.members)
+
+    def drop(self, companion: int) -> None:
+        """Fly on without a companion: its plan stands still, the others close up.
+
+        Args:
+            companion: Its row among the vehicles.
+
+        Raises:
+            FormationError: No design fits as few as are left.
+        """
+        self._shape.drop(companion)
+
+    def add(self, companion: int, position: Array) -> None:
+        """Take a companion in again.
+
+        Args:
+            companion: Its row among the vehicles.
+            position: (2,) where it is, east and north, m; taken to be at rest.
+        """
+        self._positions[companion] = position
+        self._velocities[companion] = 0.0
+        self._shape.add(companion, position - self._positions[self._reference])
 
     def to_orbit_m(self, target: Target) -> float:
         """How far outside its orbit the reference's plan is, m."""
         offset = self._positions[self._reference] - target.position_enu[:2]
-        return math.hypot(offset[0], offset[1]) - self._stand_off_m
+        return math.hypot(offset[0], offset[1]) - self._shape.orbit_m
 
     def at_radius(self, target: Target) -> bool:
         """Whether the reference's plan has reached its orbit."""
@@ -188,15 +217,14 @@ class Planner:
 
     def _slots(self) -> Array:
         slots = self._positions.copy()
-        offsets = slot_offsets(self._slots_of, self._los.angle_rad)
-        slots[self._companions] = self._positions[self._reference] + offsets
+        slots[self._shape.members] = self._positions[self._reference] + self._shape.offsets()
         return slots
 
     def _formation_velocities(
         self, phase: Phase, target: Target, worst_error_m: float, dt: float
     ) -> Array:
         limits = self._mission.limits
-        velocities = np.empty_like(self._velocities)
+        velocities = np.zeros_like(self._velocities)
         reference = self._positions[self._reference]
         east, north = (reference - target.position_enu[:2]).tolist()
         # Followers are led by what the reference will do, not by what it would like to.
@@ -212,14 +240,18 @@ class Planner:
         relative = (velocity[0] - drift[0], velocity[1] - drift[1])
         rate = (east * relative[1] - north * relative[0]) / max(math.hypot(east, north), 1.0) ** 2
         spare = limits.max_speed_mps - limits.cruise_speed_mps
-        self._los = follow_line_of_sight(
-            self._los, math.atan2(-north, -east), rate, CORRECTION_SHARE * spare / self._d_m, dt
+        shape = self._shape
+        shape.turn(
+            math.atan2(-north, -east),
+            rate,
+            math.hypot(east, north),
+            target.los_sigma_rad(*reference.tolist()),
+            CORRECTION_SHARE * spare / shape.d_m,
+            dt,
         )
-        offsets = slot_offsets(self._slots_of, self._los.angle_rad)
-        turning = self._los.rate_rads * np.column_stack((-offsets[:, 1], offsets[:, 0]))
-        gaps = reference + offsets - self._positions[self._companions]
+        gaps = reference + shape.offsets() - self._positions[shape.members]
         for i, gap, led in zip(
-            self._companions, gaps.tolist(), (velocity + turning).tolist(), strict=True
+            shape.members, gaps.tolist(), (velocity + shape.velocities()).tolist(), strict=True
         ):
             close = go_to(
                 (gap[0], gap[1]),
@@ -244,7 +276,7 @@ class Planner:
         distance = math.hypot(*offset)
         # Never nearer than the estimate is sharp, but no retreat from a circle that is only
         # this wide because little has been measured yet.
-        radius = max(self._stand_off_m, min(RANGE_GUARD * target.sigma_m, distance))
+        radius = max(self._shape.orbit_m, min(RANGE_GUARD * target.sigma_m, distance))
         drift = target.trusted_velocity
         # The orbit moves with the emitter, so the outermost follower has that much less left.
         spare = limits.max_speed_mps - math.hypot(*drift)
@@ -253,7 +285,7 @@ class Planner:
             drift,
             radius,
             limits.cruise_speed_mps,
-            min(limits.cruise_speed_mps, ORBIT_SHARE * orbit_speed(spare, radius, self._d_m)),
+            min(limits.cruise_speed_mps, ORBIT_SHARE * orbit_speed(spare, radius, self._shape.d_m)),
         )
         slack, stop = LEASH_M
         leash = max(0.0, min(1.0, (stop - worst_error_m) / (stop - slack)))

@@ -17,10 +17,14 @@ BROKEN_PLAN_S = 5.0
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a mission ends early: the result's name and a sentence without full stop."""
+    """Why a mission ends early: the result's name and a sentence without full stop.
+
+    ``sysid`` is the vehicle's, if one vehicle is at fault.
+    """
 
     result: str
     detail: str
+    sysid: int | None = None
 
 
 class Watch:
@@ -42,27 +46,32 @@ class Watch:
         return vehicle.silence_s(now) > LOST_AFTER_S + self._hiccup_s
 
     def in_flight(
-        self, fleet: Fleet, released: Collection[int], all_up: bool, now: float
+        self, fleet: Fleet, excused: Collection[int], all_up: bool, now: float
     ) -> Failure | None:
         """What is wrong with a vehicle that flies, if anything.
 
         Args:
             fleet: The vehicles.
-            released: Those a pilot has taken over.
+            excused: Those a pilot has taken over, and those given up already.
             all_up: Whether all of them should be in the air by now.
             now: Controller's time, s.
         """
         for vehicle in fleet.vehicles.values():
-            if vehicle.sysid in released:
+            if vehicle.sysid in excused:
                 continue
             if not vehicle.is_armed:
                 if all_up:
-                    return Failure("vehicle_lost", f"vehicle {vehicle.sysid} disarmed in flight")
+                    return Failure(
+                        "vehicle_lost",
+                        f"vehicle {vehicle.sysid} disarmed in flight",
+                        vehicle.sysid,
+                    )
                 continue
             if self.is_lost(vehicle, now):
                 return Failure(
                     "vehicle_lost",
                     f"vehicle {vehicle.sysid} has been silent for {vehicle.silence_s(now):.0f} s",
+                    vehicle.sysid,
                 )
             battery = vehicle.status.battery_fraction if vehicle.status is not None else None
             reserve = self._mission.limits.battery_reserve

@@ -36,6 +36,7 @@ def fly_in_memory(
     on_snapshot: Callable[[Snapshot], None] | None = None,
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 10.0,
+    until: Callable[[Snapshot], bool] | None = None,
 ) -> dict[str, object]:
     """Fly a mission against simulated vehicles on a virtual clock.
 
@@ -46,6 +47,7 @@ def fly_in_memory(
         on_snapshot: Called every ``snapshot_every_s`` of mission time.
         on_notice: Called with each sentence for the operator.
         snapshot_every_s: See ``on_snapshot``, s.
+        until: Asked with each snapshot whether the flight may end here, the swarm in the air.
 
     Returns:
         The summary.
@@ -85,7 +87,11 @@ def fly_in_memory(
             for notice in station.notices():
                 if on_notice is not None:
                     on_notice(notice)
-            if on_snapshot is not None and now >= snapshot_at:
+            if now >= snapshot_at:
                 snapshot_at += snapshot_every_s
-                on_snapshot(station.snapshot(now))
+                snapshot = station.snapshot(now)
+                if on_snapshot is not None:
+                    on_snapshot(snapshot)
+                if until is not None and until(snapshot):
+                    break
         return recording.summary(station, time.perf_counter() - began)

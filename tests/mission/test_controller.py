@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from swarmctl.events import (
@@ -144,18 +145,56 @@ def test_clocks_that_run_at_another_speed_are_refused_before_take_off(mission: M
     assert flight.now < 10.0
 
 
-def test_a_vehicle_lost_in_flight_brings_the_others_home(mission: Mission) -> None:
+def test_the_others_close_up_and_fly_on_without_a_lost_companion(mission: Mission) -> None:
     flight = Flight(mission)
     flight.run("approaching")
     flight.fleet.vehicles[2].silent = True
+    flight.run("returning")
+    plans = [d for d in flight.decisions if isinstance(d, Plan) and d.formed]
+    assert notices(flight).count("vehicle 2 has been silent for 5 s; flying on with 2") == 1
+    assert flight.phases()[-2:] == ["orbiting", "returning"]
+    # The two that are left stand where two should: one on each side.
+    reference = np.array(plans[-1].slots[0].position_enu[:2])
+    offsets = [np.array(plans[-1].slots[i].position_enu[:2]) - reference for i in (2, 3)]
+    across = [-math.sin(plans[-1].los_rad), math.cos(plans[-1].los_rad)]
+    assert sorted(float(np.sign(offset @ across)) for offset in offsets) == [-1.0, 1.0]
     flight.run("ended")
     assert ended(flight).result == "vehicle_lost"
-    assert "vehicle 2 was not seen to land" in notices(flight)
+    assert "is located to" in ended(flight).detail
+    assert "but vehicle 2 has been silent for 5 s" in ended(flight).detail
     assert [v.sysid for v in flight.fleet.vehicles.values() if v.armed] == [2]
+    assert flight.least_separation_m >= mission.limits.min_separation_m
 
 
-def test_a_vehicle_that_disarms_in_flight_is_a_loss(mission: Mission) -> None:
+def test_a_companion_that_is_heard_again_joins_the_formation(mission: Mission) -> None:
     flight = Flight(mission)
+    flight.run("approaching")
+    flight.fleet.vehicles[3].silent = True
+    while "flying on with 2 companions" not in notices(flight):
+        flight.step()
+    flight.fleet.vehicles[3].silent = False
+    flight.run("ended")
+    assert "vehicle 3 is back in the formation" in notices(flight)
+    assert ended(flight).result == "located"
+
+
+@pytest.mark.parametrize(("sysid", "least"), [(2, 3), (1, 1)])
+def test_a_vehicle_the_mission_cannot_do_without_brings_the_others_home(
+    sysid: int, least: int
+) -> None:
+    """Too few companions are left, or the reference UAV is lost."""
+    flight = Flight(parse_mission(short_mission_text(formation__min_companions=least)))
+    flight.run("approaching")
+    flight.fleet.vehicles[sysid].silent = True
+    flight.run("ended")
+    assert ended(flight).result == "vehicle_lost"
+    assert "orbiting" not in flight.phases()
+    assert f"vehicle {sysid} was not seen to land" in notices(flight)
+    assert [v.sysid for v in flight.fleet.vehicles.values() if v.armed] == [sysid]
+
+
+def test_a_vehicle_that_disarms_in_flight_is_a_loss() -> None:
+    flight = Flight(parse_mission(short_mission_text(formation__min_companions=3)))
     flight.run("approaching")
     flight.fleet.vehicles[2].armed = False
     flight.run("ended")

@@ -51,7 +51,8 @@ def test_five_faults_are_five_lines() -> None:
         "swarm.reference": "swarm.reference is 9: one of the vehicles: 1, 2, 3, 4",
         "origin.lat_deg": "origin.lat_deg is 'north': should be a valid number, unable to parse"
         " string as a number",
-        "formation.design": "formation.design is 'square': should be 'perpendicular' or 'uniform'",
+        "formation.design": "formation.design is 'square': should be 'optimal',"
+        " 'paper', 'uniform', 'regression' or 'worst_case'",
         "gaol": "gaol is a section: no such field; is it misspelt?",
     }
 
@@ -66,7 +67,7 @@ def test_five_faults_are_five_lines() -> None:
         ("swarm__vehicles__0__altitude_amsl_m", 8, "between 12 m (10 m above origin.alt_amsl_m)"),
         ("limits__d_max_m", 40, "more than 51 m"),
         ("limits__cruise_speed_mps", 12.5, "at most limits.max_speed_mps = 13 less a tenth"),
-        ("limits__geofence_radius_m", 2700, "at least 2879 m"),
+        ("limits__geofence_radius_m", 2700, "at least 3304 m"),
         ("limits__stand_off_m", 2600, "less than the 2579 m between the launch area"),
         ("swarm__link", "serial:///dev/ttyUSB0", "should be udpin://host:port"),
         ("feed__broker", "http://localhost", "should be mqtt://[user:password@]host[:port]"),

@@ -29,7 +29,8 @@ def target(
     sigma_m: float = 2.0,
     speed_sigma_mps: float = 0.1,
 ) -> Target:
-    return Target((east, north, -2.5), (*drift, 0.0), sigma_m, speed_sigma_mps)
+    covariance = (sigma_m**2, 0.0, sigma_m**2)
+    return Target((east, north, -2.5), (*drift, 0.0), sigma_m, speed_sigma_mps, covariance)
 
 
 def formed(mission: Mission, aim: Target) -> Planner:
@@ -54,15 +55,32 @@ def test_forming_up_holds_the_reference_and_ends_in_the_slots(mission: Mission) 
     assert ranges(planned) == pytest.approx([285.0] * 3, abs=0.2)
 
 
-def test_the_slots_are_perpendicular_to_the_line_of_sight_and_behind(mission: Mission) -> None:
-    planned = formed(mission, target()).step(Phase.FORMING, target(), 0.0, LAUNCH, DT)
+def along_and_across(planned: Planned) -> tuple[np.ndarray, np.ndarray]:
+    """Companions' offsets along and across the LOS to the target, sorted, m."""
     los = math.atan2(1110.0, 2240.0)
     ahead = np.array([math.cos(los), math.sin(los)])
     left = np.array([-ahead[1], ahead[0]])
     offsets = planned.positions[1:, :2] - planned.positions[0, :2]
-    along, across = np.sort(offsets @ ahead), np.sort(offsets @ left)
-    assert along == pytest.approx([-284.0, 0.0, 0.0], abs=1.5)
-    assert across == pytest.approx([-284.0, 0.0, 284.0], abs=1.5)
+    return np.sort(offsets @ ahead), np.sort(offsets @ left)
+
+
+@pytest.mark.parametrize(("design", "lean"), [("paper", 0.0), ("optimal", 285.0 / 2500.0)])
+def test_the_slots_are_across_the_line_of_sight_and_behind(design: str, lean: float) -> None:
+    """The best formation's ends stand where the emitter's rays touch the circle: cos = d / R."""
+    mission = parse_mission(
+        short_mission_text(
+            formation__design=design,
+            limits__d_max_m=300,
+            emitter__lat_deg=54.4420,
+            emitter__lon_deg=11.2240,
+        )
+    )
+    planned = formed(mission, target()).step(Phase.FORMING, target(), 0.0, LAUNCH, DT)
+    along, across = along_and_across(planned)
+    forward = 284.0 * lean
+    assert along == pytest.approx([-284.0, forward, forward], abs=1.5)
+    aside = 284.0 * math.sqrt(1.0 - lean**2)
+    assert across == pytest.approx([-aside, 0.0, aside], abs=1.5)
 
 
 @pytest.mark.parametrize("drift", [(0.0, 0.0), (1.4, 0.5), (-1.0, -1.0)])
@@ -166,6 +184,6 @@ def test_a_formation_that_does_not_fit_is_refused_before_anything_flies() -> Non
     vehicles = [{"sysid": i, "altitude_amsl_m": 20 + 8 * i} for i in range(1, 12)]
     text = short_mission_text(swarm__vehicles=vehicles)
     mission = parse_mission(text)
-    tight = mission.limits.model_copy(update={"d_max_m": 105.0, "min_separation_m": 25.0})
-    with pytest.raises(FormationError, match="10 companions do not fit within 90 m"):
+    tight = mission.limits.model_copy(update={"d_max_m": 105.0, "min_separation_m": 60.0})
+    with pytest.raises(FormationError, match=r"10 companions .* do not fit within 90 m"):
         Planner(mission.model_copy(update={"limits": tight}))
