@@ -33,6 +33,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_in_memory
 	$(BIN)/python -m tests.benchmarks.bench_filters
 	$(BIN)/python -m tests.benchmarks.bench_study
+	$(BIN)/python -m tests.benchmarks.bench_designs
 
 docs: setup
 	$(BIN)/python docs/generate.py

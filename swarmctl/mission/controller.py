@@ -40,6 +40,7 @@ from swarmctl.events import (
 from swarmctl.frames import Vector
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.launch import Landing, Launch
+from swarmctl.mission.membership import Membership
 from swarmctl.mission.model import Mission
 from swarmctl.mission.observer import Observer
 from swarmctl.mission.phases import FLYING_FORMATION, Phase, Trigger, can, next_phase
@@ -81,6 +82,7 @@ class Controller:
         self.plan: Plan | None = None
         self.started_s = now
         self._watch = Watch(mission, hiccup_s)
+        self._membership = Membership(mission, self.fleet, self.planner, self._watch)
         self._phase_since = now
         self._next_tick = now
         self._last_tick = now
@@ -88,7 +90,6 @@ class Controller:
         self._launch: Launch | None = None
         self._landing: Landing | None = None
         self._released: set[int] = set()
-        self._lost: dict[int, Failure] = {}
         self._worst_error_m = 0.0
         self._result = ("", "")
         self._commands: list[Command] = []
@@ -210,9 +211,9 @@ class Controller:
             self._end(now)
 
     def _end(self, now: float) -> None:
-        if self._lost and self._result[0] == "located":
+        lost = next(iter(self._membership.lost.values()), None)
+        if lost is not None and self._result[0] == "located":
             # Found what was looked for, but not everyone is home.
-            lost = next(iter(self._lost.values()))
             self._result = (lost.result, f"{self._result[1]}, but {lost.detail}")
         self._decisions.append(
             MissionEnded(at_s=now, result=self._result[0], detail=self._result[1])
@@ -269,10 +270,13 @@ class Controller:
                 self._landing = Landing(flying, self._watch, now)
                 self._move(Trigger.HOME, "every vehicle is above its launch point", now)
             return
-        self._take_in_again(utc, now)
-        failure = self._watch.in_flight(self.fleet, self._released | self._lost.keys(), True, now)
-        if failure is not None and self._can_do_without(failure):
-            self._do_without(failure, now)
+        members = self._membership
+        for sentence in members.take_in_again(utc, now, self._is_ours):
+            self._say(now, "warning", sentence, once=False)
+        failure = self._watch.in_flight(self.fleet, self._released | members.lost.keys(), True, now)
+        loss = None if failure is None else members.do_without(failure, self.phase)
+        if loss is not None:
+            self._say(now, "error", loss, once=False)
             return
         failure = failure or self._watch.observing(
             self.phase, bool(planned.broken), self.observer.last_used_s, self.started_s, now
@@ -298,33 +302,6 @@ class Controller:
                 f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)",
             )
             self._move(Trigger.OBSERVED, self._result[1], now)
-
-    def _can_do_without(self, failure: Failure) -> bool:
-        """Whether a lost vehicle leaves enough companions to fly on."""
-        return (
-            failure.result == "vehicle_lost"
-            and failure.sysid is not None
-            and failure.sysid != self.mission.swarm.reference
-            and self.phase in FLYING_FORMATION
-            and len(self.planner.companions) > self.mission.formation.min_companions
-        )
-
-    def _do_without(self, failure: Failure, now: float) -> None:
-        assert failure.sysid is not None
-        self._lost[failure.sysid] = failure
-        self.planner.drop(self.mission.swarm.sysids.index(failure.sysid))
-        left = len(self.planner.companions)
-        self._say(now, "error", f"{failure.detail}; flying on with {left} companions", once=False)
-
-    def _take_in_again(self, utc: float | None, now: float) -> None:
-        for sysid in list(self._lost):
-            vehicle = self.fleet.vehicles[sysid]
-            here = vehicle.position_at(utc) if utc is not None else None
-            if here is None or self._watch.is_lost(vehicle, now) or not self._is_ours(vehicle):
-                continue
-            del self._lost[sysid]
-            self.planner.add(self.mission.swarm.sysids.index(sysid), np.array(here[:2]))
-            self._say(now, "warning", f"vehicle {sysid} is back in the formation", once=False)
 
     def _come_down(self, now: float) -> None:
         if self._landing is None:
@@ -372,7 +349,11 @@ class Controller:
             error = _distance(position, slot)
             is_reference = vehicle.sysid == self.mission.swarm.reference
             reach = None if is_reference else _distance(position, reference)
-            if error is not None and not is_reference and vehicle.sysid not in self._lost:
+            if (
+                error is not None
+                and not is_reference
+                and vehicle.sysid not in self._membership.lost
+            ):
                 worst = max(worst, error)
             slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach))
         self._worst_error_m = worst

@@ -1,0 +1,77 @@
+"""Who flies in the formation: a lost companion is done without, one heard again is taken in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from swarmctl.mission.fleet import Fleet, VehicleState
+from swarmctl.mission.model import Mission
+from swarmctl.mission.phases import FLYING_FORMATION, Phase
+from swarmctl.mission.planner import Planner
+from swarmctl.mission.watch import Failure, Watch
+
+
+class Membership:
+    """The companions that are lost, and what becomes of the formation.
+
+    Args:
+        mission: The mission.
+        fleet: Its vehicles.
+        planner: Told who flies.
+        watch: Says who is lost.
+
+    Attributes:
+        lost: Why, by system id.
+    """
+
+    def __init__(self, mission: Mission, fleet: Fleet, planner: Planner, watch: Watch) -> None:
+        self._mission = mission
+        self._fleet = fleet
+        self._planner = planner
+        self._watch = watch
+        self.lost: dict[int, Failure] = {}
+
+    def do_without(self, failure: Failure, phase: Phase) -> str | None:
+        """Let the others close up, if a companion is lost and enough are left.
+
+        Returns:
+            What to tell the operator; None if the mission cannot do without.
+        """
+        left = len(self._planner.companions) - 1
+        if (
+            failure.result != "vehicle_lost"
+            or failure.sysid is None
+            or failure.sysid == self._mission.swarm.reference
+            or phase not in FLYING_FORMATION
+            or left < self._mission.formation.min_companions
+        ):
+            return None
+        self.lost[failure.sysid] = failure
+        self._planner.drop(self._mission.swarm.sysids.index(failure.sysid))
+        return f"{failure.detail}; flying on with {left} companions"
+
+    def take_in_again(
+        self, utc: float | None, now: float, is_ours: Callable[[VehicleState], bool]
+    ) -> list[str]:
+        """Take in the lost that are heard and fly on our setpoints again.
+
+        Args:
+            utc: UTC now, s; None while it is unknown.
+            now: Controller's time, s.
+            is_ours: Whether a vehicle flies on our setpoints.
+
+        Returns:
+            What to tell the operator.
+        """
+        sentences = []
+        for sysid in list(self.lost):
+            vehicle = self._fleet.vehicles[sysid]
+            here = vehicle.position_at(utc) if utc is not None else None
+            if here is None or self._watch.is_lost(vehicle, now) or not is_ours(vehicle):
+                continue
+            del self.lost[sysid]
+            self._planner.add(self._mission.swarm.sysids.index(sysid), np.array(here[:2]))
+            sentences.append(f"vehicle {sysid} is back in the formation")
+        return sentences
