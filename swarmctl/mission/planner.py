@@ -122,6 +122,9 @@ class Planner:
         self._shape = Shape(mission, companions, heights[companions])
         self._positions = np.zeros((len(sysids), 2))
         self._velocities = np.zeros((len(sysids), 2))
+        self._returning: set[int] = set()
+        # Half of the margin is left to what vehicle and wind make of the plan.
+        self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
 
     def begin(self, positions: Array, target: Target) -> None:
         """Start from measured positions at rest and share out the slots.
@@ -161,13 +164,7 @@ class Planner:
             velocities = self._homing_velocities(launch, target, dt)
         positions = self._positions + 0.5 * (self._velocities + velocities) * dt
         full = self._with_height(positions)
-        present = sorted([self._reference, *self._shape.members])
-        broken = violations(
-            full[present],
-            present.index(self._reference),
-            np.array(target.position_enu),
-            self._bounds(phase, target),
-        )
+        broken = self._violations(full, phase, target)
         if broken:
             velocities = np.zeros_like(velocities)
             full = self._with_height(self._positions)
@@ -183,6 +180,11 @@ class Planner:
     def companions(self) -> tuple[int, ...]:
         """Rows of the vehicles that fly in formation round the reference UAV."""
         return tuple(self._shape.members)
+
+    @property
+    def returning(self) -> frozenset[int]:
+        """Rows of companions that were taken in again and are still out of reach."""
+        return frozenset(self._returning)
 
     def drop(self, companion: int) -> None:
         """Fly on without a companion: its plan stands still, the others close up.
@@ -204,6 +206,7 @@ class Planner:
         """
         self._positions[companion] = position
         self._velocities[companion] = 0.0
+        self._returning.add(companion)
         self._shape.add(companion, position - self._positions[self._reference])
 
     def to_orbit_m(self, target: Target) -> float:
@@ -259,13 +262,24 @@ class Planner:
                 0.5 * limits.max_acceleration_mps2,
                 SLOT_GAIN,
             )
-            velocities[i] = self._bend(
-                i,
-                (led[0] + close[0], led[1] + close[1]),
-                target,
-                limits.max_acceleration_mps2 * dt,
-            )
+            wanted = (led[0] + close[0], led[1] + close[1])
+            if phase in OBSERVING:
+                wanted = self._reach(i, wanted, velocity)
+            velocities[i] = self._bend(i, wanted, target, limits.max_acceleration_mps2 * dt)
         return velocities
+
+    def _reach(self, i: int, wanted: Vector2, led: Vector2) -> Vector2:
+        """Companion i's velocity, pulled in before the reference UAV is out of reach."""
+        reach, here = self._reach_m, self._positions
+        height = self._altitudes[i] - self._altitudes[self._reference]
+        east, north = (here[i] - here[self._reference]).tolist()
+        relative = keep_inside(
+            (east, north),
+            (wanted[0] - led[0], wanted[1] - led[1]),
+            math.sqrt(max(reach * reach - height * height, 0.0)),
+            BRAKING_SHARE * self._mission.limits.max_acceleration_mps2,
+        )
+        return (relative[0] + led[0], relative[1] + led[1])
 
     def _reference_velocity(
         self, phase: Phase, target: Target, offset: tuple[float, float], worst_error_m: float
@@ -327,6 +341,27 @@ class Planner:
         change = limit((velocity[0] - last[0], velocity[1] - last[1]), step_mps)
         return (last[0] + change[0], last[1] + change[1])
 
+    def _violations(self, full: Array, phase: Phase, target: Target) -> list[str]:
+        """Limits that planned positions break; who is on his way back may be out of reach."""
+        reference = full[self._reference]
+        self._returning = {
+            i for i in self._returning if math.dist(full[i], reference) > self._reach_m
+        }
+        present = sorted([self._reference, *self._shape.members])
+        joined = [i for i in present if i not in self._returning]
+        found = []
+        for rows, d_max_m in (
+            (present, None),
+            (joined, self._mission.limits.d_max_m if phase in OBSERVING else None),
+        ):
+            found += violations(
+                full[rows],
+                rows.index(self._reference),
+                np.array(target.position_enu),
+                self._bounds(d_max_m),
+            )
+        return list(dict.fromkeys(found))
+
     def _with_height(self, horizontal: Array) -> Array:
         up = [
             self._frame.up_at(east, north, altitude)
@@ -334,11 +369,11 @@ class Planner:
         ]
         return np.column_stack((horizontal, up))
 
-    def _bounds(self, phase: Phase, target: Target) -> Bounds:
+    def _bounds(self, d_max_m: float | None) -> Bounds:
         limits = self._mission.limits
         return Bounds(
             separation_m=limits.min_separation_m,
-            d_max_m=limits.d_max_m if phase in OBSERVING else None,
+            d_max_m=d_max_m,
             stand_off_m=limits.stand_off_m,
             fence_radius_m=limits.geofence_radius_m,
             ceiling_m=limits.ceiling_amsl_m - self._mission.origin.alt_amsl_m,

@@ -186,12 +186,13 @@ class Shape:
         self._choose_anew(np.delete(self._slots, row, axis=0))
 
     def add(self, companion: int, offset: Array) -> None:
-        """Take a companion in again.
+        """Take a companion in again; its slot starts where it is, but no farther than slots are.
 
         Args:
             companion: Its row among the mission's vehicles.
             offset: (2,) from the reference UAV, m.
         """
+        offset = offset * min(1.0, self.d_m / max(float(np.hypot(*offset)), 1e-9))
         self.members.append(companion)
         self._choose_anew(np.vstack([self._slots, _turned(offset, -self.los.angle_rad)]))
 
