@@ -41,6 +41,9 @@ docs: setup
 	$(BIN)/swarmctl demo --in-memory --seed 1 --out build/demo
 	cp build/demo/map.png docs/images/demo-map.png
 	cp build/demo/error.png docs/images/demo-error.png
+	for design in uniform paper regression worst_case optimal; do \
+	    $(BIN)/swarmctl design --n 4 --design $$design --plot docs/images/design-$$design.png; \
+	done
 	$(BIN)/swarmctl study table1 --runs 200 --seed 0 --out build/table1
 	cp build/table1/fig2_information.png docs/images/table1-fig2.png
 	cp build/table1/fig5_position_error_std.png docs/images/table1-fig5.png

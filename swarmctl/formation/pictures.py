@@ -71,7 +71,7 @@ def _slots(axes: Axes, report: DesignReport, requirements: Requirements) -> None
         ylim=(-1.25 * d, 1.25 * d),
     )
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, fontsize=8)
 
 
 def _map(axes: Axes, angles: Array, values: Array, design: Array, title: str) -> None:

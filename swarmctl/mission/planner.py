@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.errors import FormationError
 from swarmctl.formation.constraints import Bounds, keep_inside, keep_outside, limit, violations
 from swarmctl.formation.guidance import (
     LineOfSight,
@@ -120,11 +121,25 @@ class Planner:
         heights = np.array(self._altitudes) - self._altitudes[self._reference]
         companions = [i for i in range(len(sysids)) if i != self._reference]
         self._shape = Shape(mission, companions, heights[companions])
+        self._require_fence()
         self._positions = np.zeros((len(sysids), 2))
         self._velocities = np.zeros((len(sysids), 2))
         self._returning: set[int] = set()
         # Half of the margin is left to what vehicle and wind make of the plan.
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
+
+    def _require_fence(self) -> None:
+        """A formation with slots ahead of the reference orbits farther off than others."""
+        east, north, _ = self._frame.to_enu(*self._mission.emitter.geodetic)
+        reach = math.hypot(east, north) + self._shape.orbit_m + self._mission.limits.d_max_m
+        fence = self._mission.limits.geofence_radius_m
+        if reach > fence:
+            raise FormationError(
+                f"With the {self._mission.formation.design} formation the swarm orbits"
+                f" {self._shape.orbit_m:.0f} m from the emitter and reaches {reach:.0f} m from the"
+                f" origin; limits.geofence_radius_m is {fence:g}. Raise it or fly another"
+                " formation.design."
+            )
 
     def begin(self, positions: Array, target: Target) -> None:
         """Start from measured positions at rest and share out the slots.

@@ -180,6 +180,16 @@ def test_a_plan_that_would_break_a_limit_is_held(mission: Mission) -> None:
     assert not held.velocities.any()
 
 
+def test_a_formation_that_would_orbit_outside_the_fence_is_refused() -> None:
+    """The circle has a slot ahead of the reference, which must stay that much farther off."""
+    fence = {"limits__geofence_radius_m": 1400}
+    Planner(parse_mission(short_mission_text(**fence)))
+    with pytest.raises(
+        FormationError, match=r"orbits 5\d\d m from the emitter and reaches 1\d\d\d"
+    ):
+        Planner(parse_mission(short_mission_text(formation__design="uniform", **fence)))
+
+
 def test_a_formation_that_does_not_fit_is_refused_before_anything_flies() -> None:
     vehicles = [{"sysid": i, "altitude_amsl_m": 20 + 8 * i} for i in range(1, 12)]
     text = short_mission_text(swarm__vehicles=vehicles)
