@@ -9,21 +9,6 @@ from swarmctl.errors import FormationError
 from swarmctl.formation.designs import Array
 
 
-def slot_offsets(design: Array, los_rad: float) -> Array:
-    """Horizontal offsets of a design's slots from the reference UAV.
-
-    Args:
-        design: (N, 2) of (theta rad, horizontal distance m).
-        los_rad: LOS angle lambda, rad from East.
-
-    Returns:
-        (N, 2) offsets east, north, m.
-    """
-    angle = design[:, 0] + los_rad
-    direction: Array = np.column_stack((np.cos(angle), np.sin(angle)))
-    return design[:, 1, None] * direction
-
-
 def level_design(design: Array, heights_m: Array) -> Array:
     """Horizontal distances that leave each slot at its design's 3-D distance.
 

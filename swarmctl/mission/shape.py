@@ -138,7 +138,7 @@ class Shape:
         self._range_m = range_m
         if abs(wrap_angle(bearing_rad - self.los.angle_rad)) > RELABEL_RAD:
             self.los = LineOfSight(wrap_angle(self.los.angle_rad + math.pi), self.los.rate_rads)
-            self._slots = -self._slots
+            self._slots, self._morphing = -self._slots, -self._morphing
             self._share_out(self._slots)
         design = self._book.choose(range_m, los_sigma_rad)
         if design is not self._design:

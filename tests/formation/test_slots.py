@@ -1,7 +1,6 @@
 """Slots in space and who takes them."""
 
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,14 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.errors import FormationError
-from swarmctl.formation.slots import assign, level_design, slot_offsets
-
-
-def test_offsets_turn_counter_clockwise_from_the_los() -> None:
-    # LOS due north: +90 degrees is west, 180 degrees is south.
-    design = np.array([[math.pi / 2.0, 10.0], [math.pi, 20.0]])
-    offsets = slot_offsets(design, math.pi / 2.0)
-    assert offsets == pytest.approx(np.array([[-10.0, 0.0], [0.0, -20.0]]))
+from swarmctl.formation.slots import assign, level_design
 
 
 def test_levelled_slots_keep_their_distance_in_three_dimensions() -> None:
