@@ -27,7 +27,7 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation import ekf as extended
 from swarmctl.estimation import ncrkf as consistent
 from swarmctl.estimation import paper
-from swarmctl.estimation.arguments import Array, Mask
+from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
 from swarmctl.estimation.motion import ConstantAcceleration, ConstantVelocity, Motion
 from swarmctl.estimation.rd_model import effective_covariance, effective_relative_covariance
 
@@ -220,7 +220,8 @@ class _Coordinates:
         d = prior.reference.shape[-1] // 2
         blocks = 3 if self.accelerated else 2
         picked = [block * (d + 1) + axis for block in range(blocks) for axis in range(d)]
-        x = np.asarray(prior.mean, dtype=np.float64)[..., picked]
+        mean, covariance = _checked(prior)
+        x = mean[..., picked]
         if self.motion.size != len(picked):
             raise EstimationError(
                 f"process_noise must have {d} entries, one per axis of the prior, not "
@@ -231,7 +232,7 @@ class _Coordinates:
             x[..., d:] += prior.reference[..., d:]
         if not self.relative:
             x[..., :d] += prior.reference[..., :d]
-        P = prior.covariance[np.ix_(picked, picked)]
+        P = covariance[np.ix_(picked, picked)]
         return Belief(x, np.broadcast_to(P, (*x.shape, x.shape[-1])))
 
     def predict(self, belief: Belief, scan: Scan) -> tuple[Array, Array]:
@@ -261,6 +262,15 @@ class _Coordinates:
             x = x.copy()
             x[..., d:] -= scan.velocity
         return Track(x, belief.P[..., : 2 * d, : 2 * d])
+
+
+def _checked(prior: Prior) -> tuple[Array, Array]:
+    """Mean and covariance of a prior that can be one."""
+    size = 3 * (prior.reference.shape[-1] // 2 + 1)
+    return (
+        as_finite("prior.mean", prior.mean, size),
+        as_covariance("prior.covariance", prior.covariance, size, size),
+    )
 
 
 def _coordinates(state: State, process_noise: Sequence[float]) -> _Coordinates:
@@ -357,7 +367,7 @@ class _PaperState:
 
     @staticmethod
     def start(prior: Prior) -> Belief:
-        x, P = prior.mean, prior.covariance
+        x, P = _checked(prior)
         return Belief(x, np.broadcast_to(P, (*x.shape, x.shape[-1])))
 
     @staticmethod

@@ -470,3 +470,18 @@ def test_wrong_arguments_are_named() -> None:
     prior = some_flight(8, 3, 4).prior
     with pytest.raises(EstimationError, match="process_noise must have 3 entries"):
         ncrkf(process_noise=(0.1, 0.1)).start(prior)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_prior_that_cannot_be_one_is_named(name: str) -> None:
+    tracker, prior = all_filters(2)[name], some_flight(8, 2, 3).prior
+    indefinite = prior.covariance.copy()
+    indefinite[0, 0] = -1.0
+    for change, message in (
+        ({"mean": prior.mean * np.nan}, r"prior\.mean must be finite"),
+        ({"mean": prior.mean[:6]}, r"prior\.mean must have shape"),
+        ({"covariance": indefinite}, r"prior\.covariance must be positive definite"),
+        ({"covariance": np.eye(4)}, r"prior\.covariance must have shape"),
+    ):
+        with pytest.raises(EstimationError, match=message):
+            tracker.start(prior._replace(**change))
