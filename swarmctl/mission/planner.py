@@ -33,7 +33,9 @@ Vector2 = tuple[float, float]
 SLOT_GAIN = 0.5
 """Speed with which a planned companion closes on its slot, 1/s."""
 ARRIVED_M = 10.0
-"""The stand-off circle counts as reached this far outside it, m."""
+"""The stand-off circle counts as reached this far outside it, and a slot this near, m."""
+REJOINED_MPS = 1.0
+"""A companion on its way back flies with its slot once their velocities differ by less."""
 HOMING_SHARE = 0.9
 """Share of the greatest speed flown on the way home, where nobody has a formation to keep."""
 TRUSTED_SPEED_SIGMA_MPS = 0.5
@@ -177,6 +179,7 @@ class Planner:
             velocities = self._formation_velocities(phase, target, worst_error_m, dt)
         else:
             velocities = self._homing_velocities(launch, target, dt)
+        self._returning -= self._rejoined(velocities)
         positions = self._positions + 0.5 * (self._velocities + velocities) * dt
         full = self._with_height(positions)
         broken = self._violations(full, phase, target)
@@ -198,7 +201,7 @@ class Planner:
 
     @property
     def returning(self) -> frozenset[int]:
-        """Rows of companions that were taken in again and are still out of reach."""
+        """Rows of companions that were taken in again and have not reached their slots yet."""
         return frozenset(self._returning)
 
     def drop(self, companion: int) -> None:
@@ -210,6 +213,7 @@ class Planner:
         Raises:
             FormationError: No design fits as few as are left.
         """
+        self._returning.discard(companion)
         self._shape.drop(companion)
 
     def add(self, companion: int, position: Array) -> None:
@@ -356,12 +360,22 @@ class Planner:
         change = limit((velocity[0] - last[0], velocity[1] - last[1]), step_mps)
         return (last[0] + change[0], last[1] + change[1])
 
+    def _rejoined(self, velocities: Array) -> set[int]:
+        """Who was on his way back and now flies with his slot."""
+        if not self._returning:
+            return set()
+        slots = self._slots()
+        shape = self._shape
+        led = velocities[self._reference] + shape.velocities()
+        return {
+            i
+            for i, velocity in zip(shape.members, led, strict=True)
+            if math.dist(self._positions[i], slots[i]) < ARRIVED_M
+            and math.dist(velocities[i], velocity) < REJOINED_MPS
+        }
+
     def _violations(self, full: Array, phase: Phase, target: Target) -> list[str]:
         """Limits that planned positions break; who is on his way back may be out of reach."""
-        reference = full[self._reference]
-        self._returning = {
-            i for i in self._returning if math.dist(full[i], reference) > self._reach_m
-        }
         present = sorted([self._reference, *self._shape.members])
         joined = [i for i in present if i not in self._returning]
         found = []
