@@ -389,6 +389,7 @@ class Slot(msgspec.Struct, frozen=True):
             without a recent position.
         range_to_reference_m: 3-D distance of the vehicle from the reference UAV; None without
             recent positions, and for the reference itself.
+        joined: Whether it is in the formation: neither lost nor on its way back.
     """
 
     sysid: int
@@ -396,17 +397,20 @@ class Slot(msgspec.Struct, frozen=True):
     velocity_enu: Vector
     error_m: float | None
     range_to_reference_m: float | None
+    joined: bool
 
 
 class Plan(Decision, frozen=True):
     """The formation as commanded in one control period.
 
     Attributes:
+        reference: System id of the reference UAV.
         los_rad: LOS angle the formation is drawn against, rad from East.
         formed: Whether every follower has reached its slot since forming up began.
         slots: One entry per vehicle, the reference included.
     """
 
+    reference: int
     los_rad: float
     formed: bool
     slots: tuple[Slot, ...]

@@ -274,7 +274,14 @@ class Controller:
         for sentence in members.take_in_again(utc, now, self._is_ours):
             self._say(now, "warning", sentence, once=False)
         failure = self._watch.in_flight(self.fleet, self._released | members.lost.keys(), True, now)
-        loss = None if failure is None else members.do_without(failure, self.phase)
+        loss = None
+        if failure is not None:
+            loss = members.do_without(
+                failure,
+                self.phase,
+                self.observer.target,
+                rereferences=self.observer.rereferences,
+            )
         if loss is not None:
             self._say(now, "error", loss, once=False)
             return
@@ -340,25 +347,24 @@ class Controller:
     def _compare(self, planned: Planned, utc: float | None, now: float) -> Plan:
         vehicles = list(self.fleet.vehicles.values())
         here = [v.position_at(utc) if utc is not None else None for v in vehicles]
-        sysids = [v.sysid for v in vehicles]
-        reference = here[sysids.index(self.mission.swarm.reference)]
+        reference = here[self.planner.reference]
         slots, worst = [], 0.0
-        for vehicle, position, slot, velocity in zip(
-            vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True
+        for row, (vehicle, position, slot, velocity) in enumerate(
+            zip(vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True)
         ):
             error = _distance(position, slot)
-            is_reference = vehicle.sysid == self.mission.swarm.reference
-            reach = None if is_reference else _distance(position, reference)
-            if (
-                error is not None
-                and not is_reference
-                and vehicle.sysid not in self._membership.lost
-            ):
+            is_companion = row in self.planner.companions
+            reach = None if row == self.planner.reference else _distance(position, reference)
+            if error is not None and is_companion:
                 worst = max(worst, error)
-            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach))
+            joined = row == self.planner.reference or (
+                is_companion and row not in self.planner.returning
+            )
+            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach, joined))
         self._worst_error_m = worst
         return Plan(
             at_s=now,
+            reference=self._membership.reference,
             los_rad=planned.los.angle_rad,
             formed=self.phase in FLYING_FORMATION and self.phase is not Phase.FORMING,
             slots=tuple(slots),

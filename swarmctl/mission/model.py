@@ -75,10 +75,15 @@ class Vehicle(Section):
     Attributes:
         sysid: Its MAVLink system id.
         altitude_amsl_m: The altitude it flies at, all mission long.
+        max_speed_mps: Its greatest ground speed, where that is below ``limits.max_speed_mps``:
+            the swarm flies no faster than it can keep up with.
+        max_acceleration_mps2: Likewise its greatest acceleration.
     """
 
     sysid: SysId
     altitude_amsl_m: Altitude
+    max_speed_mps: Positive | None = None
+    max_acceleration_mps2: Positive | None = None
 
 
 class Swarm(Section):

@@ -36,6 +36,7 @@ class Observer:
         last: The last update; None before any.
         last_used_s: When a range difference was last used, controller's time; None before.
         used: Range differences used.
+        rereferences: Whether the feed outlives the loss of the reference UAV.
     """
 
     def __init__(self, mission: Mission, hiccup_s: float) -> None:
@@ -53,6 +54,7 @@ class Observer:
         self.last: Estimate | None = None
         self.last_used_s: float | None = None
         self.used = 0
+        self.rereferences = False
         self.covariance = covariance
         self.target = _target(mean, covariance)
 

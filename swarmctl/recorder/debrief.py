@@ -240,14 +240,14 @@ class Debrief:
             self._formed_at_s = time_s
         counts = plan.formed and self._observing
         for slot in plan.slots:
-            if slot.sysid == self.settings.reference:
+            if slot.sysid == plan.reference:
                 continue
             error, reach = slot.error_m, slot.range_to_reference_m
             if error is not None:
                 _greatest(self.series.slot_errors, slot.sysid).add(time_s, error)
             if reach is not None:
                 _greatest(self.series.ranges, slot.sysid).add(time_s, reach)
-            if not counts:
+            if not (counts and slot.joined):
                 continue
             if error is not None:
                 self._slot_error_sq_sum += error * error

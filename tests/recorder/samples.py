@@ -70,15 +70,15 @@ ONE_OF_EACH: tuple[Record, ...] = (
         covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
     ),
     events.Plan(
-        at_s=1.0, los_rad=0.5, formed=True,
+        at_s=1.0, reference=1, los_rad=0.5, formed=True,
         slots=(
             events.Slot(
                 sysid=1, position_enu=VECTOR, velocity_enu=VECTOR, error_m=None,
-                range_to_reference_m=None,
+                range_to_reference_m=None, joined=True,
             ),
             events.Slot(
                 sysid=2, position_enu=VECTOR, velocity_enu=VECTOR, error_m=1.5,
-                range_to_reference_m=200.0,
+                range_to_reference_m=200.0, joined=False,
             ),
         ),
     ),

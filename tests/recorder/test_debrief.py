@@ -30,18 +30,29 @@ def phase(t: float, name: str) -> Record:
     return events.PhaseChanged(at_s=START_S + t, phase=name, trigger="-", reason="-")
 
 
-def plan(t: float, errors: dict[int, float | None], reach_m: float, formed: bool = True) -> Record:
+def plan(
+    t: float,
+    errors: dict[int, float | None],
+    reach_m: float,
+    formed: bool = True,
+    *,
+    reference: int = 1,
+    joined: bool = True,
+) -> Record:
     slots = tuple(
         events.Slot(
             sysid=sysid,
             position_enu=(0.0, 0.0, 0.0),
             velocity_enu=(0.0, 0.0, 0.0),
             error_m=error,
-            range_to_reference_m=None if sysid == 1 else reach_m,
+            range_to_reference_m=None if sysid == reference else reach_m,
+            joined=joined,
         )
         for sysid, error in errors.items()
     )
-    return events.Plan(at_s=START_S + t, los_rad=0.0, formed=formed, slots=slots)
+    return events.Plan(
+        at_s=START_S + t, reference=reference, los_rad=0.0, formed=formed, slots=slots
+    )
 
 
 def estimate(t: float, east: float, north: float, sigma: float) -> Record:
