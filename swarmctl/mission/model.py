@@ -154,7 +154,7 @@ class Formation(Section):
     design: Literal["optimal", "paper", "uniform", "regression", "worst_case"] = "optimal"
     sigma_rd_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
-    min_companions: Annotated[int, Field(ge=1)] = 2
+    min_companions: Annotated[int, Field(ge=1)] = 1
     margin_m: Positive = 15.0
     stand_off_margin_m: Positive = 25.0
 
@@ -237,7 +237,6 @@ class SimReceivers(Section):
     rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
-    min_companions: Annotated[int, Field(ge=1)] = 2
 
 
 class SimNavigation(Section):
