@@ -276,15 +276,19 @@ class Command(Record, frozen=True):
     sysid: int
 
 
-class RequestHome(Command, frozen=True):
+class Inquiry(Command, frozen=True):
+    """A command that only asks for information: it changes nothing about the flight."""
+
+
+class RequestHome(Inquiry, frozen=True):
     """Ask for HOME_POSITION once; acknowledged."""
 
 
-class RequestVersion(Command, frozen=True):
+class RequestVersion(Inquiry, frozen=True):
     """Ask for AUTOPILOT_VERSION once; acknowledged."""
 
 
-class StreamTelemetry(Command, frozen=True):
+class StreamTelemetry(Inquiry, frozen=True):
     """Ask for the telemetry the controller needs: every interval acknowledged, one outcome.
 
     Attributes:

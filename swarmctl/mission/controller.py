@@ -64,13 +64,19 @@ class Controller:
         now: Controller's monotonic time, s.
         hiccup_s: Silence that this computer may be to blame for (a busy processor delays
             what vehicles say), in the controller's seconds; it is granted to every sender.
+        shadow: The commands are not carried out: others fly the vehicles, or they stand on
+            the ground. The plan starts where they are and then goes on by itself, up to where
+            the swarm would be brought home.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
     """
 
-    def __init__(self, mission: Mission, now: float, hiccup_s: float = 0.0) -> None:
+    def __init__(
+        self, mission: Mission, now: float, hiccup_s: float = 0.0, *, shadow: bool = False
+    ) -> None:
         self.mission = mission
+        self._shadow = shadow
         self.frame = mission.frame
         self.fleet = Fleet(
             self.frame,
@@ -86,7 +92,7 @@ class Controller:
         self._phase_since = now
         self._next_tick = now
         self._last_tick = now
-        self._preflight = Preflight(mission, self.fleet, now)
+        self._preflight = Preflight(mission, self.fleet, now, shadow=shadow)
         self._launch: Launch | None = None
         self._landing: Landing | None = None
         self._released: set[int] = set()
@@ -233,11 +239,11 @@ class Controller:
     def _go_up(self, now: float) -> None:
         if self._launch is None:
             return
-        self._commands += self._launch.step(now)
+        self._commands += self._launch.rehearsal() if self._shadow else self._launch.step(now)
         failure = self._launch.failure or self._watch.in_flight(self.fleet, (), False, now)
         if failure is not None:
             self._fail(failure, now)
-        elif self._launch.complete:
+        elif self._launch.complete or self._shadow:
             self._begin_plan(now)
             self._move(Trigger.AIRBORNE, "every vehicle is at its altitude", now)
 
@@ -265,15 +271,22 @@ class Controller:
             self._say(now, "warning", f"held the plan: it had {planned.broken[0]}")
         self._release_taken_over(now)
         if self.phase is Phase.RETURNING:
-            if all(distance < HOME_M for distance in self._home_distances()):
-                flying = [v for v in self.fleet.vehicles.values() if v.sysid not in self._released]
+            if self._shadow or all(distance < HOME_M for distance in self._home_distances()):
+                vehicles = () if self._shadow else self.fleet.vehicles.values()
+                flying = [v for v in vehicles if v.sysid not in self._released]
                 self._landing = Landing(flying, self._watch, now)
-                self._move(Trigger.HOME, "every vehicle is above its launch point", now)
+                reason = (
+                    "nobody is brought home"
+                    if self._shadow
+                    else "every vehicle is above its launch point"
+                )
+                self._move(Trigger.HOME, reason, now)
             return
         members = self._membership
         for sentence in members.take_in_again(utc, now, self._is_ours):
             self._say(now, "warning", sentence, once=False)
-        failure = self._watch.in_flight(self.fleet, self._released | members.lost.keys(), True, now)
+        excused = self._released | members.lost.keys()
+        failure = self._watch.in_flight(self.fleet, excused, not self._shadow, now)
         loss = None
         if failure is not None:
             loss = members.do_without(
@@ -361,6 +374,8 @@ class Controller:
                 is_companion and row not in self.planner.returning
             )
             slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach, joined))
+        if self._shadow:
+            worst = float(np.linalg.norm(planned.slots - planned.positions, axis=1).max())
         self._worst_error_m = worst
         return Plan(
             at_s=now,
@@ -384,13 +399,16 @@ class Controller:
 
     def _is_ours(self, vehicle: VehicleState) -> bool:
         """Whether a vehicle flies on our setpoints: airborne, guided, and not taken over."""
+        if self._shadow:
+            return True
         return vehicle.is_airborne and vehicle.is_guided and vehicle.sysid not in self._released
 
     def _release_taken_over(self, now: float) -> None:
         for vehicle in self.fleet.vehicles.values():
             beat = vehicle.heartbeat
             if (
-                beat is None
+                self._shadow
+                or beat is None
                 or not beat.armed
                 or beat.mode is Mode.GUIDED
                 or vehicle.sysid in self._released

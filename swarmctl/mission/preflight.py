@@ -51,8 +51,14 @@ def clock_fault(vehicle: VehicleState) -> str | None:
     )
 
 
-def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
-    """What still keeps one vehicle on the ground, as sentences' middles; empty when ready."""
+def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = False) -> list[str]:
+    """What still keeps one vehicle on the ground, as sentences' middles; empty when ready.
+
+    Args:
+        vehicle: The vehicle.
+        mission: The mission.
+        may_fly: Whether others may have armed it already.
+    """
     unmet = []
     beat, status = vehicle.heartbeat, vehicle.status
     if beat is not None:
@@ -60,7 +66,7 @@ def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
             unmet.append(f"its autopilot is {beat.autopilot}, not {mission.swarm.autopilot}")
         if not beat.is_multirotor:
             unmet.append("it is not a multirotor")
-        if beat.armed:
+        if beat.armed and not may_fly:
             unmet.append("it is armed already; land and disarm it first")
     if vehicle.version is None:
         unmet.append("it has not told its hardware id (AUTOPILOT_VERSION)")
@@ -140,13 +146,15 @@ class Preflight:
         mission: The mission.
         fleet: The vehicles.
         now: Controller's time, s.
+        shadow: Whether others fly the vehicles.
 
     Attributes:
         failure: Why the mission cannot start; None while it still may.
         complete: Whether every check of every vehicle has passed.
     """
 
-    def __init__(self, mission: Mission, fleet: Fleet, now: float) -> None:
+    def __init__(self, mission: Mission, fleet: Fleet, now: float, *, shadow: bool = False) -> None:
+        self._shadow = shadow
         self._mission = mission
         self._fleet = fleet
         self._since = now
@@ -163,7 +171,7 @@ class Preflight:
     @property
     def ready(self) -> int:
         """How many vehicles pass every check."""
-        return sum(not unmet_checks(v, self._mission) for v in self._fleet.vehicles.values())
+        return sum(not self._unmet(v) for v in self._fleet.vehicles.values())
 
     @property
     def all_heard(self) -> bool:
@@ -177,7 +185,7 @@ class Preflight:
         if fault is not None:
             self.failure = Failure("clock_mismatch", fault)
             return []
-        unmet = {v.sysid: texts for v in vehicles if (texts := unmet_checks(v, self._mission))}
+        unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         commands = [
             command
             for v in vehicles
@@ -196,6 +204,9 @@ class Preflight:
             missing = (f"vehicle {sysid}: {', '.join(texts)}" for sysid, texts in unmet.items())
             self.failure = Failure("not_ready", "; ".join(missing))
         return commands
+
+    def _unmet(self, vehicle: VehicleState) -> list[str]:
+        return unmet_checks(vehicle, self._mission, may_fly=self._shadow)
 
     def _ask(self, sysid: int, now: float) -> list[Command]:
         if now < self._asked_at.get(sysid, -ASK_AGAIN_S) + ASK_AGAIN_S:
