@@ -15,7 +15,7 @@ import numpy as np
 from swarmctl.estimation.consistency import ellipse
 from swarmctl.events import Estimate, FeedConnection, Notice, Observation, OperatorRequest, Record
 from swarmctl.feed.intake import FeedIntake, decode_truth
-from swarmctl.feed.schema import EstimateMessage, estimate_topic, tdoa_topic, truth_topic
+from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
 from swarmctl.link.link import Address, MavlinkLink
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.model import Mission
@@ -77,7 +77,7 @@ class Station:
     @property
     def topics(self) -> tuple[str, ...]:
         """MQTT topics to subscribe to; the truth is for the recorder alone."""
-        topics = (tdoa_topic(self._swarm),)
+        topics = self.intake.topics
         return topics if self._recorder is None else (*topics, self._truth_topic)
 
     @property
