@@ -145,7 +145,6 @@ def test_garbage_on_both_inputs_harms_nothing(
                 station.datagram(data, ("memory", 1), now)
             for payload in (b"", b"{", b"[]", b'{"v": 2}', b"\xff\x00", b'[{"v": 1, "rd_m": NaN}]'):
                 station.message("swarm/alpha/tdoa", payload, now)
-                station.message("swarm/alpha/toa/2", payload, now)
         wake(station, now)
 
     monkeypatch.setattr(Station, "wake", wake_amid_garbage)
