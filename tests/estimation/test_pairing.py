@@ -119,6 +119,10 @@ def test_a_lost_receiver_delays_the_bursts_once_and_may_come_back() -> None:
         **{number: (number, 3) for number in range(8, 25)},
         **{number: (number, 4) for number in range(25, 30)},
     }
+    hear(bursts, 30, 4.5, (1, 2, 3))
+    assert use_whole(bursts) == []  # it is waited for again
+    hear(bursts, 30, 4.5, (4,))
+    assert use_whole(bursts) == [(30, [1, 2, 3, 4])]
 
 
 def test_a_receiver_whose_clock_is_ahead_does_not_hurry_the_others() -> None:
