@@ -241,6 +241,28 @@ class RangeDifferences(Observation, frozen=True):
     seq: int
 
 
+class ArrivalTime(Observation, frozen=True):
+    """When one receiver heard one burst: ``toa_s + toa_frac_s``, UTC.
+
+    Attributes:
+        receiver: System id of the UAV that carries the receiver.
+        toa_s: Whole seconds of UTC.
+        toa_frac_s: The rest, 0 <= toa_frac_s < 1.
+        burst: Number of the burst, the same at every receiver.
+        sigma_s: 1-sigma of this arrival time's own error, s.
+        clock_sigma_s: 1-sigma of the receivers' clock synchronisation, s.
+        seq: Sequence number of the message.
+    """
+
+    receiver: int
+    toa_s: int
+    toa_frac_s: float
+    burst: int
+    sigma_s: float
+    clock_sigma_s: float
+    seq: int
+
+
 class FeedConnection(Observation, frozen=True):
     """The broker was lost (``connected`` false) or is back."""
 

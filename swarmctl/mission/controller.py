@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from swarmctl.events import (
+    ArrivalTime,
     Command,
     CommandOutcome,
     Decision,
@@ -114,6 +115,8 @@ class Controller:
             case RangeDifferences():
                 self.observer.range_differences(event)
                 self._decisions += self.observer.process(now)
+            case ArrivalTime():
+                self.observer.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
                 self._fail(Failure("cancelled", "the operator asked for the return home"), now)
             case FeedConnection(connected=connected):
@@ -129,6 +132,8 @@ class Controller:
         # A late caller does not make up for lost periods in a burst.
         self._next_tick = max(self._next_tick + PERIOD_S, now)
         self._decisions += self.observer.process(now)
+        for sentence in self.observer.complaints():
+            self._say(now, "warning", sentence)
         match self.phase:
             case Phase.WAITING | Phase.CHECKING:
                 self._prepare(now)
@@ -296,6 +301,7 @@ class Controller:
                 rereferences=self.observer.rereferences,
             )
         if loss is not None:
+            self.observer.leader = members.reference
             self._say(now, "error", loss, once=False)
             return
         failure = failure or self._watch.observing(

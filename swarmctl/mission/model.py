@@ -232,11 +232,14 @@ class SimReceivers(Section):
         rate_hz: Epochs a second.
         sigma_m: 1-sigma of a range difference.
         rho: Share of its variance that the reference receiver contributes.
+        publish: What is published of each burst: range differences against the reference, or
+            arrival times, which outlive its loss. The errors are the same.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
+    publish: Literal["range_differences", "arrival_times"] = "range_differences"
 
 
 class SimNavigation(Section):

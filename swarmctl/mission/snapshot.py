@@ -84,7 +84,7 @@ class Snapshot:
         estimate: The emitter's estimate; the prior before any measurement.
         rd_rate_hz: Range differences used per second, over the last seconds.
         rd_used: Range differences used.
-        rd_dropped: Range differences that could not be used.
+        rd_dropped: Range differences and arrival times that could not be used.
     """
 
     mission: str

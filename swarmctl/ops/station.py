@@ -23,7 +23,7 @@ from swarmctl.events import (
     Record,
 )
 from swarmctl.feed.intake import FeedIntake, decode_truth
-from swarmctl.feed.schema import EstimateMessage, estimate_topic, tdoa_topic, truth_topic
+from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
 from swarmctl.link.link import Address, MavlinkLink
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.model import Mission
@@ -90,7 +90,7 @@ class Station:
     @property
     def topics(self) -> tuple[str, ...]:
         """MQTT topics to subscribe to; the truth is for the recorder alone."""
-        topics = (tdoa_topic(self._swarm),)
+        topics = self.intake.topics
         return topics if self._recorder is None else (*topics, self._truth_topic)
 
     @property

@@ -14,6 +14,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from swarmctl.events import (
+    ArrivalTime,
     Decision,
     EmitterTruth,
     Estimate,
@@ -98,6 +99,7 @@ class Debrief:
         self._takers: dict[type[Record], Callable[[Any, float], None]] = {
             VehiclePosition: self._position,
             RangeDifferences: self._range_differences,
+            ArrivalTime: self._arrival_time,
             Estimate: self._estimate,
             Plan: self._plan,
             EmitterTruth: self._emitter,
@@ -166,7 +168,7 @@ class Debrief:
         ``d_max_m``, ``stand_off_m``
             The mission's limits.
         ``rd_measurements``, ``estimates``
-            Range differences received and estimates made.
+            Range differences or arrival times received, and estimates made.
 
         May be called at any time, and again; truth may come up to 2 s short of the end.
         """
@@ -213,6 +215,10 @@ class Debrief:
     def _range_differences(self, record: RangeDifferences, _time_s: float) -> None:
         self._rd_measurements += len(record.items)
         self._accuracy.add_range_differences(record)
+
+    def _arrival_time(self, record: ArrivalTime, _time_s: float) -> None:
+        self._rd_measurements += 1
+        self._accuracy.add_arrival(record)
 
     def _estimate(self, record: Estimate, time_s: float) -> None:
         self._estimates += 1

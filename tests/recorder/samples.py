@@ -50,6 +50,10 @@ ONE_OF_EACH: tuple[Record, ...] = (
         items=(events.RangeDifference(receiver=2, rd_m=-12.0, sigma_m=3.0),),
         rho=0.5, clock_sigma_s=1e-9, seq=4,
     ),
+    events.ArrivalTime(
+        received_s=1.0, receiver=3, toa_s=1_790_000_012, toa_frac_s=0.350_007_421_9, burst=5,
+        sigma_s=7e-9, clock_sigma_s=1e-9, seq=4,
+    ),
     events.FeedConnection(received_s=1.0, connected=False),
     events.EmitterTruth(
         received_s=1.0, epoch_utc_s=1.79e9, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=0.0,

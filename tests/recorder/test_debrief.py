@@ -217,9 +217,10 @@ def test_a_position_without_an_epoch_is_left_out() -> None:
     assert summary["min_separation_m"] is None
 
 
-def test_range_differences_are_counted_one_by_one() -> None:
+def test_range_differences_and_arrival_times_are_counted_one_by_one() -> None:
     group = made_up.range_differences(100.0)
-    assert debrief(group, group)["rd_measurements"] == 2 * len(made_up.FOLLOWERS)
+    (arrival,) = [record for record in ONE_OF_EACH if isinstance(record, events.ArrivalTime)]
+    assert debrief(group, group, arrival)["rd_measurements"] == 2 * len(made_up.FOLLOWERS) + 1
 
 
 def test_phases_are_kept_at_mission_time() -> None:
