@@ -84,6 +84,7 @@ class Accuracy:
         series: Takes the estimates, errors and bounds.
 
     Attributes:
+        reference: System id of the reference UAV.
         final_estimate: The last estimate made while observing; until there is one, the last.
         converged_at_s: Mission time at which the estimate converged, s.
     """
@@ -98,7 +99,7 @@ class Accuracy:
         truth: TruthTrack,
         series: FlightSeries,
     ) -> None:
-        self._reference = reference
+        self.reference = reference
         self._bound = CramerRaoBound(prior_covariance, ConstantVelocity(process_noise))
         self._bound_epoch_s: float | None = None
         self._sigma_p_m = sigma_p_m
@@ -214,7 +215,7 @@ class Accuracy:
         if bound is not None:
             self._series.bounds.add((waiting.time_s, bound))
         self._series.errors.add((waiting.time_s, error))
-        uav = self._position(self._reference, estimate.epoch_utc_s)
+        uav = self._position(self.reference, estimate.epoch_utc_s)
         self._last = Outcome(
             estimate=estimate,
             emitter=emitter,

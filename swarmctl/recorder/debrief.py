@@ -244,6 +244,10 @@ class Debrief:
     def _plan(self, plan: Plan, time_s: float) -> None:
         if plan.formed and self._formed_at_s is None:
             self._formed_at_s = time_s
+        references = self.series.references
+        if not references or references[-1][1] != plan.reference:
+            references.append((time_s, plan.reference))
+            self._accuracy.reference = plan.reference
         counts = plan.formed and self._observing
         for slot in plan.slots:
             if slot.sysid == plan.reference:

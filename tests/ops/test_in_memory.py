@@ -13,6 +13,7 @@ from swarmctl.errors import UsageError
 from swarmctl.events import Estimate, Notice, Record
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.phases import Phase
+from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.in_memory import STEP_S, UTC_START_S, fly_in_memory
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
@@ -115,21 +116,40 @@ def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Sh
         assert one.nis == pytest.approx(other.nis, rel=1e-4, abs=1e-6)
 
 
-def test_arrival_times_still_locate_once_the_reference_is_lost(short_mission: Short) -> None:
+def test_a_lost_reference_is_succeeded_where_receivers_publish_arrival_times(
+    short_mission: Short,
+) -> None:
+    """UAV 1 falls silent on the approach: a companion leads, and the emitter is still located."""
     mission = short_mission(
         sim__faults=[{"sysid": 1, "kind": "dies", "at_s": 70.0}],
         sim__receivers={"publish": "arrival_times"},
+        swarm__reference=1,
     )
     ages: list[float] = []
-    summary = fly_in_memory(
-        mission,
-        snapshot_every_s=1.0,
-        on_snapshot=lambda s: ages.append(s.estimate.age_s) if 72.0 < s.elapsed_s < 90.0 else None,
-    )
+    leaders: list[int] = []
+
+    def look(snapshot: Snapshot) -> None:
+        if 72.0 < snapshot.elapsed_s < 90.0:
+            ages.append(snapshot.estimate.age_s)
+        leaders.extend(vehicle.sysid for vehicle in snapshot.vehicles if vehicle.is_reference)
+
+    said: list[Notice] = []
+    summary = fly_in_memory(mission, snapshot_every_s=1.0, on_snapshot=look, on_notice=said.append)
     assert summary["rd_dropped"] == 0
-    assert len(ages) == 17
     # Once, for a second, the bursts waited for UAV 1.
+    assert len(ages) == 17
     assert max(ages) < 0.3
+    successor = leaders[-1]
+    assert list(dict.fromkeys(leaders)) == [1, successor]
+    assert successor != 1
+    told = f"vehicle 1 has been silent for 5 s; vehicle {successor} is the reference UAV now"
+    assert any(told in notice.text for notice in said)
+    assert summary["result"] == "vehicle_lost"
+    assert "is located to" in str(summary["detail"])
+    # 3.5 sigma in two dimensions: 0.2 % of honest estimates are farther off.
+    assert float(str(summary["final_error_m"])) < 3.5 * float(str(summary["final_sigma_m"]))
+    assert float(str(summary["max_reference_range_m"])) <= 150.0
+    assert float(str(summary["min_separation_m"])) >= 8.0
 
 
 def test_garbage_on_both_inputs_harms_nothing(

@@ -135,6 +135,18 @@ def test_formation_figures_count_followers_that_have_formed_while_observing() ->
     assert summary["max_reference_range_m"] == 241.0
 
 
+def test_who_is_lost_or_on_his_way_back_is_not_in_the_formation() -> None:
+    """And distances are from the reference UAV of the day."""
+    summary = debrief(
+        phase(0.0, "approaching"),
+        plan(1.0, {1: None, 2: 3.0}, reach_m=240.0),
+        plan(2.0, {1: 90.0, 2: 90.0}, reach_m=410.0, reference=2, joined=False),
+        plan(3.0, {1: 4.0, 2: 90.0}, reach_m=250.0, reference=2),
+    )
+    assert summary["slot_error_rms_m"] == pytest.approx(math.sqrt((9 + 16) / 2))
+    assert summary["max_reference_range_m"] == 250.0
+
+
 def test_accuracy_figures_are_those_of_the_last_observed_estimate() -> None:
     summary = debrief(
         phase(0.0, "approaching"),
