@@ -21,12 +21,15 @@ from swarmctl.link.facts import CommandAck, CommandLong
 
 ACK_TIMEOUT_S = 1.0
 """Wait for a COMMAND_ACK before the next try."""
-TRIES = 4
-"""Tries before a command counts as unanswered."""
+TRIES = 8
+"""Tries before a command counts as unanswered. Over a radio that loses every fifth packet either
+way, a try is answered with probability 0.64, so one command in 3500 is given up; after four
+tries it was one in sixty, more than a swarm's take-off can bear."""
 PROGRESS_TIMEOUT_S = 5.0
 """Wait after MAV_RESULT_IN_PROGRESS for the next word."""
-STATE_TIMEOUT_S = 3.0
-"""Wait after the ACK for the state that shows the command done."""
+STATE_TIMEOUT_S = 6.0
+"""Wait after the ACK for the state that shows the command done: six heartbeats. ArduCopter's
+landed state changes 3.4 s after a take-off command, and its next reports may be lost."""
 REASON_TIMEOUT_S = 0.3
 """Wait after a refusal for its reason: ArduPilot queues the STATUSTEXT, but not the ACK."""
 REASON_AGE_S = 2.0

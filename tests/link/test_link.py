@@ -33,13 +33,14 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
-from swarmctl.link.link import Address, MavlinkLink
+from swarmctl.link.facts import Address
+from swarmctl.link.link import MavlinkLink
 from tests.link.wire import Sender, unpack
 
 GCS = 245
-AT_1 = ("10.0.0.1", 14550)
-AT_2 = ("10.0.0.2", 14550)
-ELSEWHERE = ("10.0.0.9", 40000)
+AT_1 = Address("10.0.0.1", 14550)
+AT_2 = Address("10.0.0.2", 14550)
+ELSEWHERE = Address("10.0.0.9", 40000)
 
 Kind = TypeVar("Kind", bound=Observation)
 
@@ -248,7 +249,7 @@ def test_two_vehicles_behind_one_address(bench: Bench) -> None:
     bench.wait(0.0)
     assert len(bench.sent_to(AT_1, "HEARTBEAT")) == 1
     sequence = [unpack(frame).get_seq() for frame, _ in bench.sent]
-    assert sequence == [0, 1, 2]
+    assert sequence == [0, 1, 2, 3]
 
 
 def test_sequence_numbers_count_per_address(two: tuple[Bench, Vehicle, Vehicle]) -> None:
@@ -279,7 +280,11 @@ def test_a_vehicle_that_falls_silent_may_come_back_elsewhere(
     bench.link.send(goto(1), bench.now)
     bench.wait(1.0)
     sent = [(unpack(frame).get_type(), where) for frame, where in bench.sent if where != AT_2]
-    assert sent == [("SET_POSITION_TARGET_GLOBAL_INT", ELSEWHERE), ("HEARTBEAT", ELSEWHERE)]
+    assert sent == [
+        ("SET_POSITION_TARGET_GLOBAL_INT", ELSEWHERE),
+        ("HEARTBEAT", ELSEWHERE),
+        ("TIMESYNC", ELSEWHERE),
+    ]
     assert {heartbeat.mode_name for heartbeat in bench.of(Heartbeat)} == {"STABILIZE"}
     assert len(bench.of(Heartbeat)) == 3
 
@@ -486,13 +491,14 @@ def test_traffic_is_every_sound_frame_in_and_out(bench: Bench) -> None:
     bench.link.send(goto(1), 52.0)
     bench.link.handle_timer(52.5)
     bench.drain()
-    (setpoint, _), (heartbeat, _) = bench.sent
+    (setpoint, _), (heartbeat, _), (timesync, _) = bench.sent
     assert bench.link.traffic() == [
         (50.0, first),
         (50.0, second),
         (51.0, other),
         (52.0, setpoint),
         (52.5, heartbeat),
+        (52.5, timesync),
     ]
     assert bench.link.traffic() == []
     assert bench.link.messages_in == 3
@@ -602,9 +608,9 @@ def test_a_command_is_tried_again_by_the_links_own_timer(
     bench.drain()
     bench.wait(10.0)
     tries = bench.sent_to(AT_1, "COMMAND_LONG")
-    assert [message.confirmation for message in tries] == [0, 1, 2, 3]
+    assert [message.confirmation for message in tries] == list(range(8))
     (outcome,) = bench.of(CommandOutcome)
-    assert (outcome.result, outcome.received_s) == ("no_answer", 54.0)
+    assert (outcome.result, outcome.received_s) == ("no_answer", 58.0)
 
 
 def test_an_answer_to_another_ground_station_is_not_ours(

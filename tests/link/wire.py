@@ -24,8 +24,10 @@ class Sender:
     def _pack(self, name: str, fields: dict[str, Any], *, v1: bool) -> bytes:
         message = getattr(mavlink, f"MAVLink_{name.lower()}_message")
         values = {
-            field: [0] * length
-            if (length := message.array_lengths[place]) and kind != "char"
+            field: b""
+            if kind == "char"
+            else [0] * length
+            if (length := message.array_lengths[place])
             else 0
             for field, kind, place in zip(
                 message.fieldnames, message.fieldtypes, message.orders, strict=True

@@ -8,6 +8,7 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.events import Notice
+from swarmctl.link.facts import Address
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.station import Station
 
@@ -66,7 +67,7 @@ def test_garbage_on_both_inputs_harms_nothing(
     def wake_amid_garbage(station: Station, now: float) -> None:
         if not station.ended:
             for data in (b"", b"\xfd", b"\xfd\x09\x00\x00\x00\x01\x01\x00\x00\x00", b"hello" * 60):
-                station.datagram(data, ("memory", 1), now)
+                station.datagram(data, Address("memory", 1), now)
             for payload in (b"", b"{", b"[]", b'{"v": 2}', b"\xff\x00", b'[{"v": 1, "rd_m": NaN}]'):
                 station.message("swarm/alpha/tdoa", payload, now)
         wake(station, now)
