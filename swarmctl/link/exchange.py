@@ -75,6 +75,8 @@ class _Stage(Enum):
 class Exchange:
     """Brings requests to one vehicle, in order, and ends each with exactly one outcome.
 
+    A request that is the same as the last of its name still waiting is not queued again.
+
     The caller hands in what the vehicle says and the time, calls :meth:`handle_timer` when
     :meth:`next_timer` is due, and after any call sends :meth:`attempts` and reports
     :meth:`outcomes`. All times are monotonic seconds.
@@ -103,7 +105,15 @@ class Exchange:
         self._late_acks: dict[int, tuple[int, float]] = {}
 
     def submit(self, request: Request, now: float) -> None:
-        """Queue a request; it leaves when those before it have ended."""
+        """Queue a request; it leaves when those before it have ended.
+
+        Whoever asks again while the same request still waits, or is under way, is content with
+        its outcome: over a bad radio the queue would grow faster than it is worked off.
+        """
+        under_way = () if self._stage is _Stage.NOTHING else (self._request,)
+        alike = [r for r in (*under_way, *self._queue) if r.name == request.name]
+        if alike and alike[-1].steps == request.steps:
+            return
         self._queue.append(request)
         if self._stage is _Stage.NOTHING:
             self._begin_next(now)

@@ -452,3 +452,29 @@ def test_a_text_does_not_end_a_command_that_was_not_refused(bench: Bench) -> Non
     bench.ack(MavCmd.COMPONENT_ARM_DISARM)
     bench.text("Arming motors")
     assert bench.outcomes == []
+
+
+# --- Asked again -----------------------------------------------------------------------
+
+
+def test_a_request_that_is_repeated_while_it_waits_or_is_under_way_is_sent_once(
+    bench: Bench,
+) -> None:
+    for _ in range(3):
+        bench.submit(REQUEST_HOME, REQUEST_TAKE_OFF)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    assert [attempt.command for _, attempt in bench.sent] == [ASK, TAKE_OFF]
+    assert bench.results == [("RequestHome", "accepted"), ("TakeOff", "accepted")]
+    bench.submit(REQUEST_HOME)
+    assert len(bench.sent) == 3
+
+
+def test_the_last_wish_counts_when_another_of_its_kind_came_between(bench: Bench) -> None:
+    """Guided, land, guided: the third is no repetition of the first."""
+    guided = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 4.0)),))
+    land = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 9.0)),))
+    bench.submit(guided, land, guided)
+    for _ in range(3):
+        bench.ack(MavCmd.DO_SET_MODE)
+    assert [attempt.command.params[1] for _, attempt in bench.sent] == [4.0, 9.0, 4.0]
