@@ -144,10 +144,12 @@ class MavlinkLink:
             self._channels.heard(address)
             if frame.sysid == self._gcs_sysid:
                 continue
+            vehicle = self._vehicles.get(frame.sysid)
             if frame.compid != codec.AUTOPILOT_COMPONENT:
-                self._pass_to_stations(frame, address)
+                if vehicle is None or vehicle.address == address:
+                    self._pass_to_stations(frame, address)
                 continue
-            vehicle = self._vehicles.get(frame.sysid) or self._meet(frame, address, now)
+            vehicle = vehicle or self._meet(frame, address, now)
             if vehicle is None:
                 self._pass_to_stations(frame, address)
             elif self._is_where(vehicle, frame.sysid, address, now):

@@ -294,6 +294,7 @@ def test_our_own_frames_and_impostors_are_not_passed_on(
     bench.receive(one.state(), AT_1)
     bench.sent.clear()
     bench.receive(Vehicle(1).state(), ELSEWHERE)  # the same id from another address
+    bench.receive(Sender(1, compid=154).heartbeat(), ELSEWHERE)
     bench.wait(1.0)
     assert [raw for raw, address in bench.sent if address == QGC] == []
 
