@@ -192,10 +192,10 @@ class LinkQuality(VehicleObservation, frozen=True):
     messages_in: int
     lost: int
     rate_hz: float
-    rtt_s: float | None = None
-    boot_offset_s: float | None = None
-    boot_offset_error_s: float | None = None
-    utc_error_s: float | None = None
+    rtt_s: float | None
+    boot_offset_s: float | None
+    boot_offset_error_s: float | None
+    utc_error_s: float | None
 
 
 class LinkConnection(Observation, frozen=True):
