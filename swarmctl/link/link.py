@@ -90,7 +90,7 @@ class MavlinkLink:
         stations: Addresses of other ground stations that everything is passed on to.
 
     Attributes:
-        messages_in: Sound frames received, from whomever.
+        messages_in: Sound and believed frames received on the vehicles' side, from whomever.
         setpoints_out: Setpoints sent.
         setpoints_dropped: Setpoints not sent: the vehicle is unknown or no ArduCopter, or a
             field is not finite.
@@ -172,7 +172,8 @@ class MavlinkLink:
     def send(self, command: Command, now: float) -> None:
         """Send a command, or queue it behind those its vehicle has not acknowledged yet.
 
-        Each command but GoTo ends in one CommandOutcome. GoTo leaves at once, or not at all:
+        Each command but GoTo ends in one CommandOutcome; one that only repeats a command which
+        still waits, or is under way, shares its outcome. GoTo leaves at once, or not at all:
         then it is counted in ``setpoints_dropped``.
         """
         if self._signing is not None:

@@ -91,11 +91,16 @@ class Signing:
             return Fault("wrongly_signed", f"It holds {said}, signed with another key")
         stream = (frame.sysid, frame.compid, raw[-_BLOCK])
         timestamp = int.from_bytes(raw[1 - _BLOCK : -_SIGNATURE], "little")
-        newest = self._newest.get(stream, self.timestamp - MAX_AGE - 1)
-        if timestamp <= newest:
+        newest = self._newest.get(stream)
+        if newest is not None and timestamp <= newest:
             behind_s = (newest - timestamp) / UNITS_PER_S
+            return Fault("replayed", f"It holds {said}, signed {behind_s:.2f} s before the last")
+        if newest is None and timestamp < self.timestamp - MAX_AGE:
+            behind_s = (self.timestamp - timestamp) / UNITS_PER_S
             return Fault(
-                "replayed", f"It holds {said}, signed {behind_s:.2f} s too early to be new"
+                "replayed",
+                f"It holds {said}, signed {behind_s:.0f} s ago by our clock: a recording, or a "
+                f"vehicle that has had no GPS time yet",
             )
         self._newest[stream] = timestamp
         self.timestamp = max(self.timestamp, timestamp)

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from sim.channel import Channel
 from swarmctl.errors import UsageError
 from swarmctl.events import Notice
 from swarmctl.link.facts import Address
+from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.station import Station
+from tests.link.wire import Sender, unpack
 
 Short = Callable[..., Path]
 
@@ -97,6 +100,33 @@ def test_a_vehicle_that_dies_in_flight_brings_the_others_home(short_mission: Sho
     summary = fly_in_memory(mission)
     assert summary["result"] == "vehicle_lost"
     assert "vehicle 2 has been silent" in str(summary["detail"])
+
+
+class Exchanged(Channel[tuple[int, bytes]]):
+    """From 70 s on vehicle 3 is off the air, and from 73 s on another one has its system id."""
+
+    def send(self, item: tuple[int, bytes], now_s: float) -> None:
+        """As a channel does."""
+        sysid, data = item
+        if sysid == 3 and now_s >= 70.0:
+            if now_s < 73.0:
+                return
+            if unpack(data).get_type() == "AUTOPILOT_VERSION":
+                item = (sysid, Sender(3).pack("AUTOPILOT_VERSION", uid=0xBAD))
+        super().send(item, now_s)
+
+
+def test_an_id_that_changes_its_hardware_id_in_flight_is_named_and_done_without(
+    short_mission: Short, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(in_memory, "Channel", Exchanged)
+    said: list[Notice] = []
+    summary = fly_in_memory(short_mission(), on_notice=said.append)
+    texts = [notice.text for notice in said]
+    assert sum("now has 0xbad: another vehicle" in text for text in texts) == 1
+    assert any("vehicle 3 has been silent for" in text for text in texts)
+    assert summary["result"] == "vehicle_lost"
+    assert float(str(summary["min_separation_m"])) >= 8.0
 
 
 def test_a_mission_without_a_simulation_cannot_be_simulated(
