@@ -111,6 +111,8 @@ def _kind(info: FieldInfo) -> str:
         return "list of sections" if typing.get_origin(annotation) is tuple else "section"
     if typing.get_origin(annotation) is typing.Literal:
         return ", ".join(f"`{value}`" for value in typing.get_args(annotation))
+    if annotation == tuple[str, ...]:
+        return "text or a list of texts"
     if isinstance(annotation, types.UnionType):
         return " or ".join(getattr(a, "__name__", str(a)) for a in typing.get_args(annotation))
     names: dict[object, str] = {float: "number", int: "whole number", str: "text"}

@@ -183,11 +183,31 @@ class LinkQuality(VehicleObservation, frozen=True):
         messages_in: Messages taken from this vehicle since the start.
         lost: Messages missing by sequence number since the start.
         rate_hz: Messages a second over the last second.
+        rtt_s: Latest round trip of a TIMESYNC, s; None where none was answered.
+        boot_offset_s: The vehicle's time since boot less the controller's monotonic time, s.
+        boot_offset_error_s: How far that may be off: half the shortest recent round trip, s.
+        utc_error_s: How far its time since boot, mapped to UTC by SYSTEM_TIME, may be off, s.
     """
 
     messages_in: int
     lost: int
     rate_hz: float
+    rtt_s: float | None
+    boot_offset_s: float | None
+    boot_offset_error_s: float | None
+    utc_error_s: float | None
+
+
+class LinkConnection(Observation, frozen=True):
+    """A link that connects (TCP, serial) was lost (``connected`` false) or is back.
+
+    Attributes:
+        url: The link, as the mission names it.
+        connected: Whether it is connected now.
+    """
+
+    url: str
+    connected: bool
 
 
 class InputRejected(Observation, frozen=True):

@@ -18,12 +18,12 @@ def short_mission(tmp_path: Path) -> Callable[..., Path]:
     """Writes the short mission, on free ports and with some fields changed."""
 
     def write(**changes: object) -> Path:
-        ports = {
+        ports: dict[str, object] = {
             "swarm__link": f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
             "feed__broker": f"mqtt://127.0.0.1:{free_port()}",
         }
         file = tmp_path / "short.yaml"
-        file.write_text(short_mission_text(**ports, **changes))
+        file.write_text(short_mission_text(**(ports | changes)))
         return file
 
     return write

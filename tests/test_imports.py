@@ -34,6 +34,7 @@ ALLOWED: dict[str, set[str]] = {
     | {"swarmctl.formation", "swarmctl.mission", "swarmctl.ops", "sim.study"},
     "sim": {"swarmctl.frames", "swarmctl.feed.schema"},
     "sim.study": {
+        "sim",
         "swarmctl.errors",
         "swarmctl.estimation",
         "swarmctl.mission",

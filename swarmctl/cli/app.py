@@ -50,6 +50,13 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", help="Directory of the recording (default: flights/NAME-TIME)."),
 ]
+ForwardOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--forward",
+        help="Pass MAVLink on to another ground station, udpout://host:port; may be repeated.",
+    ),
+]
 HeadlessOption = Annotated[
     bool, typer.Option("--headless", help="Print a line every few seconds, no live console.")
 ]
@@ -87,6 +94,7 @@ def demo(
     seed: SeedOption = None,
     out: OutOption = None,
     broker: BrokerOption = None,
+    forward: ForwardOption = None,
     in_memory: Annotated[
         bool,
         typer.Option("--in-memory", help="No sockets, a virtual clock, as fast as possible."),
@@ -105,6 +113,8 @@ def demo(
     if in_memory:
         if broker is not None:
             raise UsageError("--in-memory uses no broker: leave --broker out.")
+        if forward:
+            raise UsageError("--in-memory uses no sockets: leave --forward out.")
         with Reporter(loaded, headless=True) as reporter:
             summary = fly_in_memory(
                 path,
@@ -121,6 +131,7 @@ def demo(
                     path,
                     out,
                     broker=broker,
+                    forward=forward or (),
                     speedup=speedup,
                     seed=seed,
                     on_snapshot=reporter.snapshot,
@@ -147,6 +158,7 @@ def run(
             help="Compute and record every command but send none: others fly the vehicles.",
         ),
     ] = False,
+    forward: ForwardOption = None,
 ) -> None:
     """Fly a mission with whatever vehicles answer on its link."""
     from swarmctl.ops.live import fly  # noqa: PLC0415 - keeps `--help` quick
@@ -160,6 +172,7 @@ def run(
                 path,
                 out,
                 broker=broker,
+                forward=forward or (),
                 speedup=speedup,
                 shadow=shadow,
                 on_snapshot=reporter.snapshot,
@@ -181,7 +194,11 @@ def sim(
     ] = False,
 ) -> None:
     """Serve a mission's simulated vehicles, emitter and broker until Ctrl-C."""
-    from swarmctl.ops.simulation import READY, serve_mission  # noqa: PLC0415 - loads the simulator
+    from swarmctl.ops.simulation import (  # noqa: PLC0415 - loads the simulator
+        READY,
+        controller_address,
+        serve_mission,
+    )
 
     if with_parent:
         # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
@@ -192,7 +209,7 @@ def sim(
     def ready() -> None:
         print(  # noqa: T201 - a parent process waits for this line
             f"{READY} {len(loaded.swarm.vehicles)} vehicles at {speedup:g} x real time;"
-            f" MAVLink goes to {loaded.swarm.link.removeprefix('udpin://')},"
+            f" MAVLink goes to {':'.join(map(str, controller_address(loaded)))},"
             f" {embedded} {broker or loaded.feed.broker}; Ctrl-C ends",
             flush=True,
         )

@@ -180,7 +180,8 @@ def _link(vehicle: VehicleSnapshot) -> Text:
         return Text("never heard", style="yellow")
     if vehicle.silence_s > 2.0:
         return Text(f"silent {vehicle.silence_s:.0f} s", style="red")
-    return Text(f"{vehicle.rate_hz:.0f}/s, {vehicle.loss:.1%} lost", style="green")
+    latency = f", {vehicle.rtt_s * 1e3:.0f} ms" if vehicle.rtt_s is not None else ""
+    return Text(f"{vehicle.rate_hz:.0f}/s, {vehicle.loss:.1%} lost{latency}", style="green")
 
 
 _SUMMARY_ROWS = (

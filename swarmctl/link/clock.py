@@ -1,9 +1,17 @@
-"""A vehicle's time since boot mapped to UTC."""
+"""Clocks: a vehicle's time since boot mapped to UTC and to ours, each with its uncertainty."""
 
 from __future__ import annotations
 
+from collections import deque
+
 _REORDERING_S = 2.0
 """Packets overtake each other by less than this; boot time further back means a reboot."""
+_PAIRS = 10
+"""SYSTEM_TIMEs that the uncertainty is judged by."""
+_BOOT_RESOLUTION_S = 1e-3
+"""SYSTEM_TIME cuts the boot time to the millisecond."""
+_ROUND_TRIPS = 10
+"""Round trips among which the shortest is looked for."""
 
 
 class BootClock:
@@ -15,13 +23,15 @@ class BootClock:
     """
 
     def __init__(self) -> None:
-        self._offset_s: float | None = None
+        self._offsets_s: deque[float] = deque(maxlen=_PAIRS)
         self._boot_s = 0.0
 
     def update(self, utc_s: float, boot_s: float) -> None:
         """Take the two times (s) of one SYSTEM_TIME; one that was overtaken is ignored."""
         if not self._boot_s - _REORDERING_S <= boot_s < self._boot_s:
-            self._offset_s = utc_s - boot_s
+            if boot_s < self._boot_s:
+                self._offsets_s.clear()
+            self._offsets_s.append(utc_s - boot_s)
             self._boot_s = boot_s
 
     def to_utc(self, boot_s: float) -> float | None:
@@ -29,10 +39,65 @@ class BootClock:
 
         A boot time well before the last SYSTEM_TIME shows a reboot, and the offset is dropped.
         """
-        if self._offset_s is None:
+        if not self._offsets_s:
             return None
         if boot_s < self._boot_s - _REORDERING_S:
-            self._offset_s = None
+            self._offsets_s.clear()
             self._boot_s = 0.0
             return None
-        return boot_s + self._offset_s
+        return boot_s + self._offsets_s[-1]
+
+    @property
+    def error_s(self) -> float | None:
+        """How far the mapping may be off, s; None while there is none.
+
+        The greatest disagreement among the last pairs, but at least the resolution of the boot
+        time. An error of the vehicle's UTC itself is not seen.
+        """
+        if not self._offsets_s:
+            return None
+        return max(_BOOT_RESOLUTION_S, max(self._offsets_s) - min(self._offsets_s))
+
+
+class RoundTrips:
+    """Latency of a link, and a vehicle's time since boot against ours, from TIMESYNC.
+
+    The vehicle answers between our asking and its answer's arrival, so its clock read what it
+    says at the middle of the two, give or take half the round trip. The shortest of the last
+    round trips is the most certain one (the minimum filter of NTP, RFC 5905, section 10).
+    """
+
+    def __init__(self) -> None:
+        self._trips: deque[tuple[float, float]] = deque(maxlen=_ROUND_TRIPS)
+
+    def add(self, asked_s: float, boot_s: float, answered_s: float) -> None:
+        """Take an answer.
+
+        Args:
+            asked_s: Our monotonic time when we asked, s.
+            boot_s: The vehicle's time since boot when it answered, s.
+            answered_s: Our monotonic time when its answer arrived, s.
+        """
+        trip_s = answered_s - asked_s
+        offset_s = boot_s - (asked_s + answered_s) / 2.0
+        if self._trips:
+            best_trip_s, best_offset_s = min(self._trips)
+            if abs(offset_s - best_offset_s) > (trip_s + best_trip_s) / 2.0 + _BOOT_RESOLUTION_S:
+                self._trips.clear()  # it has booted again
+        self._trips.append((trip_s, offset_s))
+
+    @property
+    def latest_s(self) -> float | None:
+        """The latest round trip, s; None before the first."""
+        return self._trips[-1][0] if self._trips else None
+
+    @property
+    def boot_offset_s(self) -> tuple[float, float] | None:
+        """The vehicle's time since boot less our monotonic time, and by how much it may be off, s.
+
+        None before the first answer.
+        """
+        if not self._trips:
+            return None
+        trip_s, offset_s = min(self._trips)
+        return offset_s, trip_s / 2.0

@@ -9,8 +9,8 @@ work from pymavlink's tables (checksum seeds, field layouts) and its checksum, b
 its stream parser, which costs three times as much and keeps its state across datagrams.
 Sending goes through pymavlink's own ``pack``.
 
-MAVLink 1 and 2 are read, MAVLink 2 is written (https://mavlink.io/en/guide/serialization.html),
-dialect ``ardupilotmega``.
+MAVLink 1 and 2 are read and written (https://mavlink.io/en/guide/serialization.html),
+dialect ``ardupilotmega``, of which ``common`` is a part.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ from swarmctl.link.facts import (
     HeartbeatFact,
     MessageId,
     PositionFact,
+    TimeSyncAnswer,
 )
+from swarmctl.link.signing import Signing
 
 AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -67,6 +69,20 @@ _MARKER = re.compile(rb"[\xfd\xfe]")
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _CRC_EXTRA = {
     message_id: bytes((message.crc_extra,)) for message_id, message in mavlink.mavlink_map.items()
+}
+_SIZES = {"char": 1, "float": 4, "double": 8} | {
+    f"{sign}int{bits}_t": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)
+}
+_TARGET_PLACES: dict[int, int] = {
+    message_id: sum(
+        _SIZES[dict(zip(message.fieldnames, message.fieldtypes, strict=True))[name]]
+        * max(1, message.array_lengths[place])
+        for place, name in enumerate(
+            message.ordered_fieldnames[: message.ordered_fieldnames.index("target_system")]
+        )
+    )
+    for message_id, message in mavlink.mavlink_map.items()
+    if "target_system" in message.fieldnames
 }
 # A datagram made of nothing but start markers would otherwise cost a checksum per byte.
 _MAX_RESYNCS = 32
@@ -112,6 +128,33 @@ def split(datagram: bytes) -> tuple[list[Frame], list[Fault]]:
             break
         position = marker.start()
     return frames, faults
+
+
+def end_of_whole_frames(data: bytes) -> int:
+    """Where in a stream's bytes the first frame begins whose end has not come yet.
+
+    Bytes that cannot be a frame are passed over, as :func:`split` does. A start marker among
+    them waits for the frame it seems to announce, 280 bytes at most, before it is passed over.
+
+    Returns:
+        Its index; the number of bytes if no frame is under way.
+    """
+    position = 0
+    at_boundary = True
+    while position < len(data):
+        found = _frame_at(data, position, at_boundary)
+        if isinstance(found, Frame):
+            position += len(found.raw)
+            at_boundary = True
+            continue
+        if found.kind == "truncated":
+            return position
+        at_boundary = False
+        marker = _MARKER.search(data, position + 1)
+        if marker is None:
+            break
+        position = marker.start()
+    return len(data)
 
 
 def _frame_at(data: bytes, start: int, at_boundary: bool) -> Frame | Fault:
@@ -181,6 +224,14 @@ def read(frame: Frame, received_s: float) -> Fact | Fault | None:
     if len(payload) < layout.size:
         payload = payload.ljust(layout.size, b"\0")
     return build(frame.sysid, received_s, *pick(layout.unpack_from(payload)))
+
+
+def target_of(frame: Frame) -> int:
+    """System id a frame is addressed to; 0 for everybody."""
+    place = _TARGET_PLACES.get(frame.message_id)
+    if place is None or place >= len(frame.payload):  # MAVLink 2 cuts trailing zeros
+        return 0
+    return frame.payload[place]
 
 
 def _implausible(message: str, sysid: int, **fields: object) -> Fault:
@@ -359,6 +410,12 @@ def _command_ack(
     return CommandAck(command, name, target_system)
 
 
+def _timesync(_sysid: int, _received_s: float, tc1: int, ts1: int) -> TimeSyncAnswer | None:
+    if tc1 == 0:  # somebody asks
+        return None
+    return TimeSyncAnswer(tc1 / 1e9, ts1)
+
+
 _Build = Callable[..., Fact | Fault | None]
 _Reader = tuple[struct.Struct, Callable[[tuple[Any, ...]], tuple[Any, ...]], _Build]
 
@@ -396,6 +453,7 @@ _READERS: dict[int, _Reader] = {
         (MessageId.AUTOPILOT_VERSION, _autopilot_version, "uid flight_sw_version"),
         (MessageId.STATUSTEXT, _statustext, "severity text"),
         (MessageId.COMMAND_ACK, _command_ack, "command result target_system"),
+        (MessageId.TIMESYNC, _timesync, "tc1 ts1"),
     )
 }
 
@@ -408,10 +466,29 @@ class Encoder:
 
     Args:
         sysid: Our system id.
+        signing: Signs every frame; None for unsigned frames.
+        link_id: Number of the address, 0..255, in the signatures.
+
+    Attributes:
+        mavlink_1: Whether MAVLink 1 is written: nothing else was heard at that address. Signed
+            frames are always MAVLink 2.
     """
 
-    def __init__(self, sysid: int) -> None:
+    def __init__(self, sysid: int, signing: Signing | None = None, link_id: int = 0) -> None:
         self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=OUR_COMPONENT)
+        self._signing = signing
+        self._has_heard = False
+        self.mavlink_1 = False
+        if signing is not None:
+            self._mav.signing.secret_key = signing.key
+            self._mav.signing.link_id = link_id
+            self._mav.signing.sign_outgoing = True
+
+    def hear(self, frame: Frame) -> None:
+        """Take note of the version an autopilot at that address speaks."""
+        is_1 = frame.raw[0] == mavlink.PROTOCOL_MARKER_V1
+        self.mavlink_1 = is_1 and (self.mavlink_1 or not self._has_heard)
+        self._has_heard = True
 
     def heartbeat(self) -> bytes:
         """HEARTBEAT of a ground station."""
@@ -425,6 +502,10 @@ class Encoder:
                 mavlink_version=3,
             )
         )
+
+    def timesync(self, asked_ns: int) -> bytes:
+        """TIMESYNC that asks every vehicle at the address for its time since boot."""
+        return self._pack(mavlink.MAVLink_timesync_message(0, asked_ns))
 
     def command_long(self, target: int, command: CommandLong, confirmation: int) -> bytes:
         """COMMAND_LONG to the autopilot of system ``target``; confirmation counts repeats."""
@@ -466,6 +547,10 @@ class Encoder:
             return None
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - untyped package
-        frame: bytes = message.pack(self._mav)
+        if self._signing is not None:
+            self._mav.signing.timestamp = self._signing.next_timestamp()
+            frame: bytes = message.pack(self._mav)
+        else:
+            frame = message.pack(self._mav, force_mavlink1=self.mavlink_1)
         self._mav.seq = (self._mav.seq + 1) & 0xFF
         return frame

@@ -21,12 +21,15 @@ from swarmctl.link.facts import CommandAck, CommandLong
 
 ACK_TIMEOUT_S = 1.0
 """Wait for a COMMAND_ACK before the next try."""
-TRIES = 4
-"""Tries before a command counts as unanswered."""
+TRIES = 8
+"""Tries before a command counts as unanswered. Over a radio that loses every fifth packet either
+way, a try is answered with probability 0.64, so one command in 3500 is given up; after four
+tries it was one in sixty, more than a swarm's take-off can bear."""
 PROGRESS_TIMEOUT_S = 5.0
 """Wait after MAV_RESULT_IN_PROGRESS for the next word."""
-STATE_TIMEOUT_S = 3.0
-"""Wait after the ACK for the state that shows the command done."""
+STATE_TIMEOUT_S = 6.0
+"""Wait after the ACK for the state that shows the command done: six heartbeats. ArduCopter's
+landed state changes 3.4 s after a take-off command, and its next reports may be lost."""
 REASON_TIMEOUT_S = 0.3
 """Wait after a refusal for its reason: ArduPilot queues the STATUSTEXT, but not the ACK."""
 REASON_AGE_S = 2.0
@@ -72,6 +75,8 @@ class _Stage(Enum):
 class Exchange:
     """Brings requests to one vehicle, in order, and ends each with exactly one outcome.
 
+    A request that is the same as the last of its name still waiting is not queued again.
+
     The caller hands in what the vehicle says and the time, calls :meth:`handle_timer` when
     :meth:`next_timer` is due, and after any call sends :meth:`attempts` and reports
     :meth:`outcomes`. All times are monotonic seconds.
@@ -100,7 +105,15 @@ class Exchange:
         self._late_acks: dict[int, tuple[int, float]] = {}
 
     def submit(self, request: Request, now: float) -> None:
-        """Queue a request; it leaves when those before it have ended."""
+        """Queue a request; it leaves when those before it have ended.
+
+        Whoever asks again while the same request still waits, or is under way, is content with
+        its outcome: over a bad radio the queue would grow faster than it is worked off.
+        """
+        under_way = () if self._stage is _Stage.NOTHING else (self._request,)
+        alike = [r for r in (*under_way, *self._queue) if r.name == request.name]
+        if alike and alike[-1].steps == request.steps:
+            return
         self._queue.append(request)
         if self._stage is _Stage.NOTHING:
             self._begin_next(now)

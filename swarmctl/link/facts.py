@@ -6,7 +6,7 @@ Units and frames as in the package docstring: :mod:`swarmctl.link.codec` has con
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -21,6 +21,23 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
+
+
+class Address(NamedTuple):
+    """Where somebody is heard and answered.
+
+    Attributes:
+        host: Host of the other side; of a serial line, the device.
+        port: Its port; of a serial line, the baud rate.
+        endpoint: Which of our own endpoints, counted from 0.
+    """
+
+    host: str
+    port: int
+    endpoint: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
 
 
 class MavCmd(IntEnum):
@@ -43,6 +60,7 @@ class MessageId(IntEnum):
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
     COMMAND_ACK = 77
+    TIMESYNC = 111
     AUTOPILOT_VERSION = 148
     HOME_POSITION = 242
     EXTENDED_SYS_STATE = 245
@@ -74,7 +92,8 @@ class Fault(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         kind: ``not_mavlink``, ``truncated``, ``bad_crc``, ``unknown_message``,
-            ``unsupported_flags`` or ``implausible``.
+            ``unsupported_flags``, ``implausible``, ``unsigned``, ``wrongly_signed`` or
+            ``replayed``.
         detail: What was wrong, without where it came from and without a full stop.
     """
 
@@ -122,6 +141,18 @@ class CommandAck(msgspec.Struct, frozen=True, gc=False):
     target_system: int
 
 
+class TimeSyncAnswer(msgspec.Struct, frozen=True, gc=False):
+    """TIMESYNC that answers somebody.
+
+    Attributes:
+        boot_s: The vehicle's time since boot when it answered, s.
+        asked_ns: The time stamp of whoever asked, as it was sent.
+    """
+
+    boot_s: float
+    asked_ns: int
+
+
 Fact = (
     HeartbeatFact
     | PositionFact
@@ -130,6 +161,7 @@ Fact = (
     | HomePosition
     | LandedState
     | StatusText
+    | TimeSyncAnswer
     | VehicleAttitude
     | VehicleClock
     | VehicleStatus

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 from swarmctl.events import (
@@ -17,26 +17,32 @@ from swarmctl.events import (
     LandedState,
     Mode,
     Observation,
+    RequestVersion,
     StatusText,
     VehicleClock,
     VehiclePosition,
+    VehicleVersion,
 )
 from swarmctl.link import codec
 from swarmctl.link.autopilots import ardupilot
-from swarmctl.link.clock import BootClock
+from swarmctl.link.channels import SILENT_LINK_S, Channels
+from swarmctl.link.clock import BootClock, RoundTrips
 from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
+    Address,
     CommandAck,
     Fact,
     Fault,
     Frame,
     HeartbeatFact,
+    MavCmd,
     MessageId,
     PositionFact,
+    TimeSyncAnswer,
 )
+from swarmctl.link.forward import Forwarder
+from swarmctl.link.signing import Signing
 from swarmctl.link.statistics import LinkStatistics
-
-Address = tuple[str, int]
 
 _PERIOD_S = 1.0
 """Between our own heartbeats, and between two reports of link quality."""
@@ -55,7 +61,10 @@ class _Vehicle:
         self.rival_heard_s = now
         self.is_supported = False
         self.home_alt_amsl_m: float | None = None
+        self.uid = 0
+        self.is_another = False
         self.clock = BootClock()
+        self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
 
@@ -70,12 +79,18 @@ class MavlinkLink:
     Vehicles are told apart by system id. A vehicle exists from the first HEARTBEAT of its
     autopilot component on; it is answered where it was last heard from.
 
+    An endpoint that listens (``udpin``) needs no word here. One that calls (``udpout``, TCP, a
+    serial line) is announced by :meth:`open`: it gets our heartbeat before anybody was heard
+    there, for nobody may know of us.
+
     Args:
         gcs_sysid: Our own system id; messages that carry it are nobody's.
         vehicles: System ids that belong to the swarm; None for any.
+        signing: Signs what we send, and refuses what is not signed; None without a key.
+        stations: Addresses of other ground stations that everything is passed on to.
 
     Attributes:
-        messages_in: Sound frames received, from whomever.
+        messages_in: Sound and believed frames received on the vehicles' side, from whomever.
         setpoints_out: Setpoints sent.
         setpoints_dropped: Setpoints not sent: the vehicle is unknown or no ArduCopter, or a
             field is not finite.
@@ -83,12 +98,20 @@ class MavlinkLink:
             InputRejected.
     """
 
-    def __init__(self, *, gcs_sysid: int, vehicles: Collection[int] | None) -> None:
+    def __init__(
+        self,
+        *,
+        gcs_sysid: int,
+        vehicles: Collection[int] | None,
+        signing: Signing | None = None,
+        stations: Sequence[Address] = (),
+    ) -> None:
         self._gcs_sysid = gcs_sysid
+        self._signing = signing
+        self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
+        self._channels = Channels(gcs_sysid, signing)
         self._expected = None if vehicles is None else frozenset(vehicles)
         self._vehicles: dict[int, _Vehicle] = {}
-        # One per address, because sequence numbers count per channel.
-        self._encoders: dict[Address, codec.Encoder] = {}
         self._next_period_s = math.inf
         self._events: list[Observation] = []
         self._datagrams: list[tuple[bytes, Address]] = []
@@ -102,34 +125,63 @@ class MavlinkLink:
 
     def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram that came from an address."""
+        if self._signing is not None:
+            self._signing.advance(now)
         frames, faults = codec.split(data)
         for fault in faults:
             self._reject_bytes(fault, data, address, now)
+        if self._forwarder is not None and self._forwarder.is_station(address):
+            for frame in frames:
+                self._pass_to_vehicles(frame, self._forwarder, address, now)
+            return
         for frame in frames:
+            unbelieved = self._signing.check(frame) if self._signing is not None else None
+            if unbelieved is not None:
+                self._reject_bytes(unbelieved, data, address, now)
+                continue
             self.messages_in += 1
             self._traffic.append((now, frame.raw))
-            if frame.compid != codec.AUTOPILOT_COMPONENT or frame.sysid == self._gcs_sysid:
+            self._channels.heard(address)
+            if frame.sysid == self._gcs_sysid:
                 continue
-            vehicle = self._vehicles.get(frame.sysid) or self._meet(frame, address, now)
-            if vehicle is None or not self._is_where(vehicle, frame.sysid, address, now):
+            vehicle = self._vehicles.get(frame.sysid)
+            if frame.compid != codec.AUTOPILOT_COMPONENT:
+                if vehicle is None or vehicle.address == address:
+                    self._pass_to_stations(frame, address)
                 continue
-            vehicle.statistics.count(frame.seq)
-            fact = codec.read(frame, now)
-            if isinstance(fact, Fault):
-                self._reject_bytes(fact, data, address, now)
-            elif fact is not None:
+            vehicle = vehicle or self._meet(frame, address, now)
+            if vehicle is None:
+                self._pass_to_stations(frame, address)
+            elif self._is_where(vehicle, frame.sysid, address, now):
+                self._pass_to_stations(frame, address)
+                self._hear(frame, vehicle, data, now)
+
+    def _hear(self, frame: Frame, vehicle: _Vehicle, data: bytes, now: float) -> None:
+        """Take a frame from a vehicle of the swarm."""
+        vehicle.statistics.count(frame.seq)
+        vehicle.encoder.hear(frame)
+        fact = codec.read(frame, now)
+        if isinstance(fact, Fault):
+            self._reject_bytes(fact, data, vehicle.address, now)
+        elif fact is not None:
+            if isinstance(fact, VehicleVersion):
+                self._identify(fact, vehicle, now)
+            if not vehicle.is_another:
                 self._take(fact, frame.sysid, vehicle, now)
 
     def send(self, command: Command, now: float) -> None:
         """Send a command, or queue it behind those its vehicle has not acknowledged yet.
 
-        Each command but GoTo ends in one CommandOutcome. GoTo leaves at once, or not at all:
+        Each command but GoTo ends in one CommandOutcome; one that only repeats a command which
+        still waits, or is under way, shares its outcome. GoTo leaves at once, or not at all:
         then it is counted in ``setpoints_dropped``.
         """
+        if self._signing is not None:
+            self._signing.advance(now)
         vehicle = self._vehicles.get(command.sysid)
         if isinstance(command, GoTo):
             frame = None
-            if vehicle is not None and vehicle.is_supported:
+            if vehicle is not None and vehicle.is_supported and not vehicle.is_another:
                 frame = vehicle.encoder.setpoint(command, now)
             if vehicle is None or frame is None:
                 self.setpoints_dropped += 1
@@ -138,6 +190,8 @@ class MavlinkLink:
                 self._transmit(frame, vehicle.address, now)
         elif vehicle is None:
             self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
+        elif vehicle.is_another and not isinstance(command, RequestVersion):
+            self._end(command, "refused", "another vehicle answers under its system id", now)
         elif not vehicle.is_supported:
             self._end(command, "refused", "its HEARTBEAT says that it is no ArduCopter", now)
         else:
@@ -150,23 +204,55 @@ class MavlinkLink:
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: heartbeats, reports, retries."""
+        if self._signing is not None:
+            self._signing.advance(now)
         if now >= self._next_period_s:
             self._next_period_s += _PERIOD_S
             if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
                 self._next_period_s = now + _PERIOD_S
-            for address in dict.fromkeys(vehicle.address for vehicle in self._vehicles.values()):
-                self._transmit(self._encoders[address].heartbeat(), address, now)
-            for sysid, vehicle in self._vehicles.items():
-                self._events.append(vehicle.statistics.report(sysid, now))
+            self._every_period(now)
         for sysid, vehicle in self._vehicles.items():
             if now >= vehicle.exchange.next_timer():
                 vehicle.exchange.handle_timer(now)
                 self._flush(vehicle, sysid, now)
 
+    def _every_period(self, now: float) -> None:
+        """Our heartbeats and questions, reports of link quality."""
+        addresses = (vehicle.address for vehicle in self._vehicles.values())
+        for frame, address in self._channels.period(addresses, now):
+            self._transmit(frame, address, now)
+        for sysid, vehicle in self._vehicles.items():
+            self._events.append(
+                vehicle.statistics.report(sysid, now, vehicle.clock, vehicle.round_trips)
+            )
+        for url in self._channels.silent(now):
+            self._name_silence(url, now)
+
     def next_timer(self) -> float:
-        """When :meth:`handle_timer` is due; infinity while no vehicle is known."""
+        """When :meth:`handle_timer` is due; infinity while nobody is known and none is called."""
         retries = (vehicle.exchange.next_timer() for vehicle in self._vehicles.values())
         return min((self._next_period_s, *retries))
+
+    # --- Endpoints ---------------------------------------------------------------------
+
+    def listen(self, urls: Sequence[str], now: float) -> None:
+        """Endpoints were opened: one on which nothing is heard is named once.
+
+        Args:
+            urls: Their URLs; the place of each is the ``endpoint`` of its addresses.
+            now: Monotonic time, s.
+        """
+        self._channels.listen(urls, now)
+        self._next_period_s = min(self._next_period_s, now)
+
+    def open(self, address: Address, now: float) -> None:
+        """An endpoint that calls has a connection: it gets our heartbeat from now on."""
+        self._channels.call(address)
+        self._next_period_s = min(self._next_period_s, now)
+
+    def close(self, address: Address) -> None:
+        """A connection was lost."""
+        self._channels.hang_up(address)
 
     def events(self) -> list[Observation]:
         """Drain the observations, oldest first."""
@@ -198,13 +284,13 @@ class MavlinkLink:
         if frame.sysid == 0 or (self._expected is not None and frame.sysid not in self._expected):
             self._reject(
                 "unexpected_vehicle",
-                f"System id {frame.sysid} at {_at(address)} is no vehicle of this mission: give "
+                f"System id {frame.sysid} at {address} is no vehicle of this mission: give "
                 f"it an id of the mission's, or keep it off this port.",
                 now,
             )
             return None
-        vehicle = _Vehicle(frame.sysid, address, self._encoder_at(address), now)
-        if not self._vehicles:
+        vehicle = _Vehicle(frame.sysid, address, self._channels.encoder(address), now)
+        if self._next_period_s == math.inf:
             self._next_period_s = now
         self._vehicles[frame.sysid] = vehicle
         return vehicle
@@ -216,11 +302,13 @@ class MavlinkLink:
         turns they are two vehicles with the same system id, and the first is the one.
         """
         if address == vehicle.address:
-            vehicle.heard_s = now
+            silent_s, vehicle.heard_s = now - vehicle.heard_s, now
+            if silent_s >= _SAME_TIME_S:
+                self._ask_who(vehicle, sysid, now)
             if vehicle.rival is not None and now - vehicle.rival_heard_s < _SAME_TIME_S:
                 self._reject(
                     "duplicate_sysid",
-                    f"System id {sysid} speaks from {_at(address)} and from {_at(vehicle.rival)} "
+                    f"System id {sysid} speaks from {address} and from {vehicle.rival} "
                     f"at the same time: only the first is used; give each vehicle its own id.",
                     now,
                 )
@@ -231,15 +319,63 @@ class MavlinkLink:
             vehicle.rival_heard_s = now
             return False
         vehicle.address = address
-        vehicle.encoder = self._encoder_at(address)
+        vehicle.encoder = self._channels.encoder(address)
         vehicle.heard_s = now
         vehicle.rival = None
+        self._ask_who(vehicle, sysid, now)
         return True
 
-    def _encoder_at(self, address: Address) -> codec.Encoder:
-        if address not in self._encoders:
-            self._encoders[address] = codec.Encoder(self._gcs_sysid)
-        return self._encoders[address]
+    def _ask_who(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
+        """Ask a vehicle that came back whether it is the one that we knew."""
+        if vehicle.uid:
+            self.send(RequestVersion(sysid=sysid), now)
+
+    def _identify(self, version: VehicleVersion, vehicle: _Vehicle, now: float) -> None:
+        """Keep a vehicle's hardware id, or find that another vehicle answers in its place.
+
+        What another vehicle says is not used, and it is told nothing, until the first is back.
+        """
+        if version.uid == 0:  # not known to itself
+            return
+        vehicle.uid = vehicle.uid or version.uid
+        vehicle.is_another = version.uid != vehicle.uid
+        if vehicle.is_another:
+            self._reject(
+                "changed_uid",
+                f"System id {version.sysid} at {vehicle.address} had the hardware id "
+                f"{vehicle.uid:#x} and now has {version.uid:#x}: another vehicle, which is not "
+                f"commanded; give each vehicle its own system id.",
+                now,
+            )
+
+    # --- Other stations ----------------------------------------------------------------
+
+    def _pass_to_stations(self, frame: Frame, address: Address) -> None:
+        if self._forwarder is not None:
+            for station in self._forwarder.from_vehicles(frame, address):
+                self._datagrams.append((frame.raw, station))
+
+    def _pass_to_vehicles(
+        self, frame: Frame, forwarder: Forwarder, station: Address, now: float
+    ) -> None:
+        addresses = forwarder.from_station(frame, station)
+        if addresses == "our_sysid":
+            self._reject(
+                "our_sysid",
+                f"The ground station at {station} uses our own system id {self._gcs_sysid}: give "
+                f"it another one, or change swarm.gcs_sysid.",
+                now,
+            )
+        elif addresses == "loop":
+            self._reject(
+                "forwarding_loop",
+                f"Frames of vehicle {frame.sysid} come back from the ground station at {station} "
+                f"and are dropped: let it pass on nothing to this port.",
+                now,
+            )
+        else:
+            for address in addresses:
+                self._transmit(frame.raw, address, now)
 
     # --- What is said ------------------------------------------------------------------
 
@@ -268,6 +404,11 @@ class MavlinkLink:
                 # Another ground station on the same network gets its answers, too.
                 if fact.target_system in {0, self._gcs_sysid}:
                     vehicle.exchange.on_ack(fact, now)
+            case TimeSyncAnswer():
+                # What another ground station asked is answered to everybody, too.
+                if self._channels.has_asked(vehicle.address, fact.asked_ns):
+                    vehicle.round_trips.add(fact.asked_ns / 1e9, fact.boot_s, now)
+                return
             case _:
                 self._events.append(fact)
                 if isinstance(fact, LandedState):
@@ -299,8 +440,21 @@ class MavlinkLink:
         )
 
     def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
-        detail = f"{fault.detail}, in a datagram of {len(data)} bytes from {_at(address)}."
+        detail = f"{fault.detail}, in a datagram of {len(data)} bytes from {address}."
         self._reject(fault.kind, detail, now)
+
+    def _name_silence(self, url: str, now: float) -> None:
+        """Name an endpoint on which nothing is heard; each by itself, for each has its cause."""
+        self.rejected["silent_link"] += 1
+        self._events.append(
+            InputRejected(
+                received_s=now,
+                source="mavlink",
+                kind="silent_link",
+                detail=f"Nothing was heard on {url} for {SILENT_LINK_S:.0f} s: check power, radio "
+                f"and where the vehicles send their MAVLink.",
+            )
+        )
 
     def _reject(self, kind: str, detail: str, now: float) -> None:
         self.rejected[kind] += 1
@@ -314,6 +468,8 @@ class MavlinkLink:
     def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
         """Send and report what the vehicle's exchange has decided."""
         for attempt in vehicle.exchange.attempts():
+            if vehicle.is_another and attempt.command.command != MavCmd.REQUEST_MESSAGE:
+                continue
             frame = vehicle.encoder.command_long(sysid, attempt.command, attempt.confirmation)
             self._transmit(frame, vehicle.address, now)
         self._events.extend(vehicle.exchange.outcomes())
@@ -334,7 +490,3 @@ class MavlinkLink:
     def _transmit(self, frame: bytes, address: Address, now: float) -> None:
         self._datagrams.append((frame, address))
         self._traffic.append((now, frame))
-
-
-def _at(address: Address) -> str:
-    return f"{address[0]}:{address[1]}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from swarmctl.events import LinkQuality
+from swarmctl.link.clock import BootClock, RoundTrips
 
 _WINDOW = 64
 """How many of the newest messages are remembered one by one."""
@@ -53,21 +54,30 @@ class LinkStatistics:
             self.lost -= 1
             self._received |= 1 << behind
 
-    def report(self, sysid: int, now: float) -> LinkQuality:
-        """The counts so far and the rate since the last report (or the start).
+    def report(
+        self, sysid: int, now: float, clock: BootClock, round_trips: RoundTrips
+    ) -> LinkQuality:
+        """The counts so far, the rate since the last report (or the start), and the clocks.
 
         Args:
             sysid: System id of the sender.
             now: Monotonic time, s.
+            clock: Its time since boot against UTC.
+            round_trips: Its time since boot against ours.
         """
         elapsed_s = now - self._reported_s
         rate_hz = (self.messages_in - self._reported) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._reported = self.messages_in
         self._reported_s = now
+        boot_offset_s, boot_offset_error_s = round_trips.boot_offset_s or (None, None)
         return LinkQuality(
             received_s=now,
             sysid=sysid,
             messages_in=self.messages_in,
             lost=self.lost,
             rate_hz=rate_hz,
+            rtt_s=round_trips.latest_s,
+            boot_offset_s=boot_offset_s,
+            boot_offset_error_s=boot_offset_error_s,
+            utc_error_s=clock.error_s,
         )

@@ -25,6 +25,7 @@ from swarmctl.events import (
     FeedConnection,
     GoTo,
     InputRejected,
+    LinkConnection,
     MissionEnded,
     Mode,
     Notice,
@@ -122,6 +123,9 @@ class Controller:
             case FeedConnection(connected=connected):
                 text = "the broker is back" if connected else "the broker is lost; reconnecting"
                 self._say(now, "warning", text, once=False)
+            case LinkConnection():
+                text = "is back" if event.connected else "is lost; reconnecting"
+                self._say(now, "warning", f"the link {event.url} {text}", once=False)
             case InputRejected():
                 self._say(now, "warning", f"{event.source}: {event.detail}")
 

@@ -11,7 +11,7 @@ import math
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 from swarmctl.frames import LocalFrame
@@ -36,9 +36,22 @@ def _matching(pattern: str, allowed: str) -> AfterValidator:
 Name = Annotated[
     str, _matching(r"[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, hyphens and underscores")
 ]
-UdpUrl = Annotated[
-    str, _matching(r"udpin://[^/:\s]+:\d{1,5}", "udpin://host:port, as in udpin://0.0.0.0:14550")
-]
+_LINK_URL = r"(udpin|udpout|tcp)://[^/\s]+:\d{1,5}|serial:///[^:\s]+:\d{1,8}"
+
+
+def _links(value: object) -> object:
+    """One URL is a list of one; every item is checked here, so that the fault names the field."""
+    urls = value if isinstance(value, list | tuple) else (value,)
+    if not urls or not all(isinstance(u, str) and re.fullmatch(_LINK_URL, u) for u in urls):
+        raise PydanticCustomError(
+            "form",
+            "should be one or a list of udpin://host:port (as in udpin://0.0.0.0:14550),"
+            " udpout://host:port, tcp://host:port and serial:///dev/name:baud",
+        )
+    return urls
+
+
+Links = Annotated[tuple[str, ...], BeforeValidator(_links)]
 BrokerUrl = Annotated[
     str, _matching(r"mqtts?://[^/\s]+", "mqtt://[user:password@]host[:port], or mqtts:// for TLS")
 ]
@@ -92,7 +105,11 @@ class Swarm(Section):
     Attributes:
         name: Used in MQTT topics.
         autopilot: The flight stack of all vehicles.
-        link: Where the controller listens for MAVLink, ``udpin://host:port``.
+        link: Where MAVLink comes from, one URL or a list: ``udpin://host:port`` listens,
+            ``udpout://host:port`` and ``tcp://host:port`` call, ``serial:///dev/name:baud``
+            is a radio on a serial line.
+        signing_key_file: File with the key that signs MAVLink, found from the mission file:
+            32 bytes, 64 hexadecimal digits or a passphrase. What is not signed is refused.
         gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).
         reference: System id of the reference UAV.
         vehicles: All UAVs, the reference included.
@@ -100,7 +117,8 @@ class Swarm(Section):
 
     name: Name
     autopilot: Literal["ardupilot"]
-    link: UdpUrl
+    link: Links
+    signing_key_file: str = ""
     gcs_sysid: SysId = 245
     reference: SysId
     vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=2, max_length=13)]

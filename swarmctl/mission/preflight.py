@@ -223,8 +223,9 @@ class Preflight:
         who = f"vehicle {silent[0]}" if len(silent) == 1 else f"vehicles {', '.join(silent)}"
         return Failure(
             "vehicle_silent",
-            f"{who} never answered on {self._mission.swarm.link} within {ANSWER_TIMEOUT_S:.0f} s:"
-            " check power, radio, system id and where the vehicle sends its MAVLink",
+            f"{who} never answered on {' or '.join(self._mission.swarm.link)} within"
+            f" {ANSWER_TIMEOUT_S:.0f} s: check power, radio, system id and where the vehicle"
+            " sends its MAVLink",
         )
 
     def _check_together(self) -> None:

@@ -26,6 +26,7 @@ class VehicleSnapshot:
         silence_s: Time since it was last heard, s; infinite before the first time.
         loss: Fraction of its messages lost on the way, 0..1.
         rate_hz: Messages a second.
+        rtt_s: Latest round trip to it and back, s; None where none was measured.
     """
 
     sysid: int
@@ -39,6 +40,7 @@ class VehicleSnapshot:
     silence_s: float
     loss: float
     rate_hz: float
+    rtt_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,7 @@ def take_snapshot(controller: Controller, now: float) -> Snapshot:
                 silence_s=vehicle.silence_s(now),
                 loss=quality.lost / heard if quality is not None and heard else 0.0,
                 rate_hz=quality.rate_hz if quality is not None else 0.0,
+                rtt_s=quality.rtt_s if quality is not None else None,
             )
         )
     return Snapshot(

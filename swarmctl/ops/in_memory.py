@@ -11,9 +11,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from sim.channel import Channel, Impairments
+from sim.noise import generator
 from sim.world import World
 from swarmctl.errors import SwarmError
 from swarmctl.events import Notice
+from swarmctl.link.facts import Address
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
@@ -24,6 +27,8 @@ STEP_S = 0.02
 """Bytes are exchanged this often, virtual s: the delay of the in-memory links."""
 UTC_START_S = 1_790_000_000.0
 """UTC at virtual time 0, s: fixed, so that a seed fixes the whole recording."""
+PERFECT = Impairments()
+"""A radio that loses and delays nothing."""
 HOPELESS_S = 3600.0
 """A flight that has not ended this long after its time limit hangs."""
 
@@ -37,6 +42,7 @@ def fly_in_memory(
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 10.0,
     until: Callable[[Snapshot], bool] | None = None,
+    impairments: Impairments = PERFECT,
 ) -> dict[str, object]:
     """Fly a mission against simulated vehicles on a virtual clock.
 
@@ -48,6 +54,7 @@ def fly_in_memory(
         on_notice: Called with each sentence for the operator.
         snapshot_every_s: See ``on_snapshot``, s.
         until: Asked with each snapshot whether the flight may end here, the swarm in the air.
+        impairments: What the radio does to MAVLink on its way, in both directions.
 
     Returns:
         The summary.
@@ -59,6 +66,8 @@ def fly_in_memory(
     seed = simulation_section(mission).seed if seed is None else seed
     began = time.perf_counter()
     world = World(sim_config(mission, seed, UTC_START_S))
+    down: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "downlink"))
+    up: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "uplink"))
     with Recording(mission, Path(mission_path), out, seed) as recording:
         station = Station(mission, 0.0, UTC_START_S, recording)
         recording.open()
@@ -70,9 +79,12 @@ def fly_in_memory(
             steps += 1
             now = steps * STEP_S
             world.advance(now)
-            datagrams, publications = world.datagrams(), world.publications()
+            _deliver(up.receive(now), world)
+            for datagram in world.datagrams():
+                down.send(datagram, now)
+            datagrams, publications = down.receive(now), world.publications()
             for sysid, data in datagrams:
-                station.datagram(data, ("memory", sysid), now)
+                station.datagram(data, Address("memory", sysid), now)
             for topic, payload in publications:
                 station.message(topic, payload, now)
             if now >= station.next_wake():
@@ -81,8 +93,9 @@ def fly_in_memory(
                 station.settle(now)
             else:
                 continue
-            for data, (_, sysid) in station.datagrams():
-                world.receive_datagram(sysid, data)
+            for data, (_, sysid, _) in station.datagrams():
+                up.send((sysid, data), now)
+            _deliver(up.receive(now), world)
             station.publications()
             for notice in station.notices():
                 if on_notice is not None:
@@ -95,3 +108,9 @@ def fly_in_memory(
                 if until is not None and until(snapshot):
                     break
         return recording.summary(station, time.perf_counter() - began)
+
+
+def _deliver(datagrams: list[tuple[int, bytes]], world: World) -> None:
+    """Hand each datagram to its vehicle."""
+    for sysid, data in datagrams:
+        world.receive_datagram(sysid, data)

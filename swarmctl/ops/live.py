@@ -10,18 +10,20 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
 
-from swarmctl.errors import SwarmError
+from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots import ardupilot
-from swarmctl.link.endpoint import UdpEndpoint, open_udp
-from swarmctl.link.link import Address
+from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
+from swarmctl.link.endpoints.url import parse_url
+from swarmctl.link.facts import Address
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
+from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
 
 HICCUP_S = 0.5
@@ -43,6 +45,7 @@ async def fly(
     out: str | Path | None = None,
     *,
     broker: str | None = None,
+    forward: Sequence[str] = (),
     speedup: float = 1.0,
     seed: int | None = None,
     shadow: bool = False,
@@ -58,6 +61,7 @@ async def fly(
         mission_path: A mission file.
         out: Directory of the recording; None records nothing but still gives the summary.
         broker: URL of the MQTT broker; None takes the mission's.
+        forward: Other ground stations that MAVLink is passed on to, ``udpout://host:port``.
         speedup: Seconds of mission time per second; 1 for real vehicles.
         seed: Stamped on the results of a simulated flight.
         shadow: Compute and record every command, but send only requests for information.
@@ -74,14 +78,27 @@ async def fly(
     """
     mission = load_mission(mission_path)
     address = BrokerAddress.parse(broker or mission.feed.broker)
+    links = mission.swarm.link
     loop = asyncio.get_running_loop()
     began = loop.time()
     with Recording(mission, Path(mission_path), out, seed) as recording:
-        station = Station(mission, 0.0, time.time(), recording, HICCUP_S * speedup, shadow=shadow)
-        shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
+        utc_start_s = time.time()
         async with contextlib.AsyncExitStack() as stack:
-            endpoint = await open_udp(mission.swarm.link, shell.datagram)
-            stack.callback(endpoint.close)
+            station = Station(
+                mission,
+                0.0,
+                utc_start_s,
+                recording,
+                HICCUP_S * speedup,
+                signing=await stack.enter_async_context(
+                    signing(mission, Path(mission_path), utc_start_s)
+                ),
+                stations=station_addresses(forward, first=len(links)),
+                shadow=shadow,
+            )
+            shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
+            endpoints = await open_endpoints((*links, *forward), shell.datagram, shell.connection)
+            stack.callback(endpoints.close)
             feed = await stack.enter_async_context(
                 connect(
                     address,
@@ -94,8 +111,30 @@ async def fly(
             await stack.enter_async_context(_reports(shell, on_snapshot, snapshot_every_s))
             # Only now: a port in use or a missing broker leaves no empty recording behind.
             recording.open()
-            await shell.run(endpoint, feed, on_notice)
+            await shell.run(endpoints, links, feed, on_notice)
         return recording.summary(station, loop.time() - began)
+
+
+def station_addresses(forward: Sequence[str], first: int) -> list[Address]:
+    """Addresses of other ground stations.
+
+    Args:
+        forward: Their URLs.
+        first: Number of the first of their endpoints.
+
+    Raises:
+        UsageError: If one is no udpout://host:port.
+    """
+    addresses = []
+    for number, text in enumerate(forward, first):
+        url = parse_url(text)
+        if url.scheme != "udpout":
+            raise UsageError(
+                f"--forward is {text!r}: it should be udpout://host:port, where the other ground"
+                " station listens, as in udpout://127.0.0.1:14551."
+            )
+        addresses.append(Address(url.host, url.port, number))
+    return addresses
 
 
 class _Shell:
@@ -107,19 +146,24 @@ class _Shell:
         self._speedup = speedup
         self._done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._timer: asyncio.TimerHandle | None = None
-        self._endpoint: UdpEndpoint | None = None
+        self._endpoints: Endpoints | None = None
         self._outbox: asyncio.Queue[tuple[str, bytes]] = asyncio.Queue(PUBLICATIONS_KEPT)
         self._on_notice: Callable[[Notice], None] | None = None
         self._asked_at_s: float | None = None
 
     async def run(
-        self, endpoint: UdpEndpoint, feed: FeedClient, on_notice: Callable[[Notice], None] | None
+        self,
+        endpoints: Endpoints,
+        links: Sequence[str],
+        feed: FeedClient,
+        on_notice: Callable[[Notice], None] | None,
     ) -> None:
         """Fly until the mission has ended or something raised."""
-        self._endpoint, self._on_notice = endpoint, on_notice
+        self._endpoints, self._on_notice = endpoints, on_notice
+        called = [address for address in endpoints.called if address.endpoint < len(links)]
         publisher = asyncio.create_task(self._publish(feed))
         try:
-            self._run(lambda _now: None)
+            self._run(lambda now: self.station.opened(links, called, now))
             await self._done
         finally:
             publisher.cancel()
@@ -128,6 +172,9 @@ class _Shell:
 
     def datagram(self, data: bytes, address: Address) -> None:
         self._run(lambda now: self.station.datagram(data, address, now))
+
+    def connection(self, address: Address, url: str, connected: bool) -> None:
+        self._run(lambda now: self.station.connection(address, url, connected, now))
 
     def message(self, topic: str, payload: bytes) -> None:
         self._run(lambda now: self.station.message(topic, payload, now))
@@ -150,7 +197,7 @@ class _Shell:
 
     def _run(self, action: Callable[[float], None]) -> None:
         """Do something with the station at this instant, then whatever follows from it."""
-        if self._done.done() or self._endpoint is None:
+        if self._done.done() or self._endpoints is None:
             return
         try:
             now = self._clock()
@@ -176,9 +223,9 @@ class _Shell:
         self._timer = asyncio.get_running_loop().call_later(delay, self._run, lambda _now: None)
 
     def _send(self) -> None:
-        if self._endpoint is not None:
+        if self._endpoints is not None:
             for data, address in self.station.datagrams():
-                self._endpoint.send(data, address)
+                self._endpoints.send(data, address)
         for publication in self.station.publications():
             if self._outbox.full():
                 self._outbox.get_nowait()

@@ -26,7 +26,7 @@ from sim.serve import serve
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
-from swarmctl.link.endpoint import parse_url
+from swarmctl.link.endpoints.url import parse_url
 from swarmctl.mission.model import Mission, Simulation
 
 READY = "simulating"
@@ -108,6 +108,11 @@ def simulation_section(mission: Mission) -> Simulation:
             " simulated emitter is can be simulated. Add one, or fly real vehicles with"
             " `swarmctl run`."
         )
+    if mission.swarm.signing_key_file:
+        raise UsageError(
+            f"the mission {mission.name} has a swarm.signing_key_file, but simulated vehicles do"
+            " not sign: leave it out of a mission that is simulated."
+        )
     return mission.sim
 
 
@@ -150,7 +155,7 @@ async def serve_mission(
         try:
             await serve(
                 config,
-                controller=_reachable(*parse_url(mission.swarm.link)),
+                controller=controller_address(mission),
                 broker=(address.host, address.port),
                 credentials=(address.username, address.password) if address.username else None,
                 speedup=speedup,
@@ -161,9 +166,19 @@ async def serve_mission(
             raise SwarmError(str(error)) from error
 
 
-def _reachable(host: str, port: int) -> tuple[str, int]:
-    """Where to send to so that a listener on ``host`` hears it on this machine."""
-    return ("127.0.0.1" if host in {"0.0.0.0", ""} else host, port)
+def controller_address(mission: Mission) -> tuple[str, int]:
+    """Host and port that simulated vehicles send to: the first port the mission listens on.
+
+    Raises:
+        UsageError: If it listens on none.
+    """
+    for url in map(parse_url, mission.swarm.link):
+        if url.scheme == "udpin":
+            return ("127.0.0.1" if url.host == "0.0.0.0" else url.host, url.port)
+    raise UsageError(
+        f"swarm.link is {' and '.join(mission.swarm.link)}: simulated vehicles need one"
+        " udpin://host:port among them, as in udpin://127.0.0.1:14550."
+    )
 
 
 @contextlib.asynccontextmanager

@@ -7,6 +7,7 @@ Both shells drive it, the asyncio one (:mod:`swarmctl.ops.live`) and the one on 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -17,6 +18,7 @@ from swarmctl.events import (
     Estimate,
     FeedConnection,
     Inquiry,
+    LinkConnection,
     Notice,
     Observation,
     OperatorRequest,
@@ -24,7 +26,9 @@ from swarmctl.events import (
 )
 from swarmctl.feed.intake import FeedIntake, decode_truth
 from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
-from swarmctl.link.link import Address, MavlinkLink
+from swarmctl.link.facts import Address
+from swarmctl.link.link import MavlinkLink
+from swarmctl.link.signing import Signing
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.model import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
@@ -58,6 +62,8 @@ class Station:
         hiccup_s: Silence that this computer may be to blame for, in the station's seconds.
         shadow: Every command is computed and recorded, but only requests for information are
             sent: others fly the vehicles.
+        signing: Signs MAVLink, and refuses what is not signed; None without a key.
+        stations: Addresses of other ground stations that MAVLink is passed on to.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
@@ -72,11 +78,15 @@ class Station:
         hiccup_s: float = 0.0,
         *,
         shadow: bool = False,
+        signing: Signing | None = None,
+        stations: Sequence[Address] = (),
     ) -> None:
         sysids = mission.swarm.sysids
         self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
         self._shadow = shadow
-        self.link = MavlinkLink(gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids)
+        self.link = MavlinkLink(
+            gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids, signing=signing, stations=stations
+        )
         self.intake = FeedIntake(mission.swarm.name, sysids)
         self._frame = mission.frame
         self._utc_offset_s = utc_offset_s
@@ -98,8 +108,28 @@ class Station:
         """Whether the mission is over."""
         return self.controller.ended
 
+    def opened(self, urls: Sequence[str], called: Sequence[Address], now: float) -> None:
+        """The vehicles' endpoints are open.
+
+        Args:
+            urls: Their URLs.
+            called: Addresses of those that call instead of listening.
+            now: Monotonic time, s.
+        """
+        self.link.listen(urls, now)
+        for address in called:
+            self.link.open(address, now)
+
+    def connection(self, address: Address, url: str, connected: bool, now: float) -> None:
+        """A connection of an endpoint that calls was lost, or is back."""
+        if connected:
+            self.link.open(address, now)
+        else:
+            self.link.close(address)
+        self._observe(LinkConnection(received_s=now, url=url, connected=connected), now)
+
     def datagram(self, data: bytes, address: Address, now: float) -> None:
-        """Take a datagram from the vehicles' port; call :meth:`settle` after the last."""
+        """Take a datagram, or whole frames of a stream; call :meth:`settle` after the last."""
         self.link.receive_datagram(data, address, now)
 
     def message(self, topic: str, payload: bytes, now: float) -> None:

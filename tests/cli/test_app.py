@@ -199,6 +199,35 @@ def test_a_udp_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> Non
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("link", "code", "says"),
+    [
+        ("carrier-pigeon://0.0.0.0:1", 2, "swarm.link is 'carrier-pigeon://0.0.0.0:1': should be"),
+        ("udpin://0.0.0.0:99999", 2, "'udpin://0.0.0.0:99999' is no MAVLink link: it should be"),
+        ("tcp://127.0.0.1:1", 3, "tcp://127.0.0.1:1 cannot be opened (Connect call failed"),
+        ("serial:///dev/nothing:57600", 3, "serial:///dev/nothing:57600 cannot be opened"),
+    ],
+)
+def test_a_link_that_cannot_be_meant_or_opened_is_named(
+    short_mission: Short, tmp_path: Path, link: str, code: int, says: str
+) -> None:
+    mission = str(short_mission(swarm__link=link))
+    ended, _, errors = swarmctl("run", mission, "--headless", "--out", "out", cwd=tmp_path)
+    assert (ended, says in errors) == (code, True), errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_forwarding_to_what_is_no_station_is_bad_input(
+    short_mission: Short, tmp_path: Path
+) -> None:
+    code, _, errors = swarmctl(
+        "run", str(short_mission()), "--headless", "--forward", "udpin://0.0.0.0:14551",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert code == 2
+    assert "--forward is 'udpin://0.0.0.0:14551': it should be udpout://host:port" in errors
+
+
 def test_a_broker_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> None:
     mission = short_mission()
     port = int(yaml.safe_load(mission.read_text())["feed"]["broker"].rpartition(":")[2])

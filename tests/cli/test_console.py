@@ -25,6 +25,7 @@ VEHICLE = VehicleSnapshot(
     silence_s=0.1,
     loss=0.013,
     rate_hz=17.0,
+    rtt_s=0.0423,
 )
 SNAPSHOT = Snapshot(
     mission="short",
@@ -84,7 +85,7 @@ def test_the_live_console_shows_phase_vehicles_and_estimate() -> None:
         "0.8 m",
         "285 of 300 m",
         "71%",
-        "17/s, 1.3% lost",
+        "17/s, 1.3% lost, 42 ms",
         "1σ 11.6 x 2.2 m",
         "NIS 1.8 of 3",
         "30 RD/s",

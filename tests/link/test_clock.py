@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from swarmctl.link.clock import BootClock
+from swarmctl.link.clock import BootClock, RoundTrips
 
 UTC_S = 1_790_000_000.0
 
@@ -56,3 +58,67 @@ def test_a_reboot_seen_in_a_system_time_takes_the_new_offset() -> None:
     clock.update(UTC_S, 100.0)
     clock.update(UTC_S + 30.0, 15.0)
     assert clock.to_utc(16.0) == UTC_S + 31.0
+
+
+# --- Uncertainty -----------------------------------------------------------------------
+
+
+def test_pairs_that_agree_are_as_good_as_the_millisecond_they_are_cut_to() -> None:
+    clock = BootClock()
+    assert clock.error_s is None
+    for k in range(20):
+        clock.update(UTC_S + k + 0.0004 * (k % 2), 100.0 + k)
+    assert clock.error_s == 1e-3
+
+
+def test_a_step_of_utc_shows_in_the_uncertainty_until_it_is_ten_pairs_ago() -> None:
+    clock = BootClock()
+    for k in range(5):
+        clock.update(UTC_S + k, 100.0 + k)
+    for k in range(5, 15):
+        assert k == 5 or clock.error_s == pytest.approx(18.0)
+        clock.update(UTC_S + 18.0 + k, 100.0 + k)
+    assert clock.error_s == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_a_reboot_begins_the_uncertainty_anew() -> None:
+    clock = BootClock()
+    clock.update(UTC_S, 100.0)
+    clock.update(UTC_S + 30.0, 15.0)
+    assert clock.error_s == 1e-3
+    assert clock.to_utc(1.0) is None
+    assert clock.error_s is None
+
+
+# --- Round trips -----------------------------------------------------------------------
+
+
+def test_the_shortest_of_the_last_ten_round_trips_counts() -> None:
+    trips = RoundTrips()
+    assert (trips.latest_s, trips.boot_offset_s) == (None, None)
+    # 40 s ahead; 10 ms there; back 10 ms once, else 50 ms.
+    for k in range(11):
+        back_s = 0.01 if k == 0 else 0.05
+        trips.add(100.0 + k, 140.01 + k, 100.01 + k + back_s)
+        expected = (40.0, 0.01) if k < 10 else (39.98, 0.03)
+        assert trips.boot_offset_s == pytest.approx(expected)
+    assert trips.latest_s == pytest.approx(0.06)
+
+
+@given(st.floats(-1e4, 1e4), st.lists(st.tuples(st.floats(0, 2), st.floats(0, 2)), min_size=1))
+def test_the_true_offset_is_always_within_the_bound(
+    offset_s: float, ways: list[tuple[float, float]]
+) -> None:
+    trips = RoundTrips()
+    for k, (there_s, back_s) in enumerate(ways):
+        trips.add(float(k), k + there_s + offset_s, k + there_s + back_s)
+    assert trips.boot_offset_s is not None
+    found_s, error_s = trips.boot_offset_s
+    assert abs(found_s - offset_s) <= error_s + 1e-9
+
+
+def test_a_reboot_is_not_averaged_with_what_was_before() -> None:
+    trips = RoundTrips()
+    trips.add(100.0, 140.0, 100.01)
+    trips.add(102.0, 1.0, 102.3)
+    assert trips.boot_offset_s == pytest.approx((-101.15, 0.15))

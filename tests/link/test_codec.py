@@ -552,3 +552,23 @@ def test_a_setpoint_that_is_no_number_never_leaves(value: float) -> None:
         command = goto(velocity_enu=(velocity[0], velocity[1], velocity[2]))
         assert encoder.setpoint(command, 0.0) is None
     assert unpack(encoder.heartbeat()).get_seq() == 0
+
+
+# --- Whom a frame is for ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "message",
+    [m for m in mavlink.mavlink_map.values() if "target_system" in m.fieldnames],
+    ids=lambda m: m.msgname,
+)
+def test_the_target_of_every_message_that_has_one(message: Any) -> None:  # noqa: ANN401 - untyped
+    for target in (0, 201):
+        raw = Sender().pack(message.msgname, target_system=target)
+        (frame,), _ = codec.split(raw)
+        assert codec.target_of(frame) == target
+
+
+def test_a_message_without_a_target_is_for_everybody() -> None:
+    (frame,), _ = codec.split(Sender().heartbeat())
+    assert codec.target_of(frame) == 0

@@ -146,13 +146,13 @@ def test_an_ack_nobody_waits_for_is_ignored(bench: Bench) -> None:
 # --- Loss ------------------------------------------------------------------------------
 
 
-def test_four_tries_one_second_apart_with_a_rising_confirmation_counter(bench: Bench) -> None:
+def test_eight_tries_one_second_apart_with_a_rising_confirmation_counter(bench: Bench) -> None:
     bench.submit(REQUEST_HOME)
     bench.wait(60.0)
-    assert bench.sent == [(100.0 + n, Attempt(ASK, n)) for n in range(4)]
+    assert bench.sent == [(100.0 + n, Attempt(ASK, n)) for n in range(8)]
     assert bench.results == [("RequestHome", "no_answer")]
-    assert bench.outcomes[0].received_s == 104.0
-    assert bench.outcomes[0].detail == "no COMMAND_ACK to 4 tries in 4.0 s"
+    assert bench.outcomes[0].received_s == 108.0
+    assert bench.outcomes[0].detail == "no COMMAND_ACK to 8 tries in 8.0 s"
 
 
 @pytest.mark.parametrize("lost", [1, 2, 3])
@@ -187,7 +187,7 @@ def test_one_command_at_a_time_in_order(bench: Bench) -> None:
 
 def test_the_next_command_leaves_after_one_without_answer(bench: Bench) -> None:
     bench.submit(REQUEST_HOME, REQUEST_TAKE_OFF)
-    bench.wait(4.0)
+    bench.wait(8.0)
     bench.ack(MavCmd.NAV_TAKEOFF)
     assert bench.results == [("RequestHome", "no_answer"), ("TakeOff", "accepted")]
 
@@ -281,7 +281,7 @@ def test_a_late_refusal_does_not_refuse_the_same_command_asked_again(bench: Benc
 
 def test_answers_are_late_for_a_second_only(bench: Bench) -> None:
     bench.submit(REQUEST_HOME)
-    bench.wait(4.0)
+    bench.wait(8.0)
     bench.wait(1.0)
     bench.submit(REQUEST_HOME)
     bench.ack(MavCmd.REQUEST_MESSAGE)
@@ -346,8 +346,8 @@ def test_a_state_that_does_not_follow_the_ack_is_a_refusal(bench: Bench) -> None
     bench.heartbeat(armed=False)
     bench.wait(60.0)
     assert bench.results == [("Arm", "refused")]
-    assert bench.outcomes[0].received_s == 103.0
-    expected = "ACCEPTED, but after 3 s HEARTBEAT shows STABILIZE and disarmed"
+    assert bench.outcomes[0].received_s == 106.0
+    expected = "ACCEPTED, but after 6 s HEARTBEAT shows STABILIZE and disarmed"
     assert bench.outcomes[0].detail == expected
 
 
@@ -357,7 +357,7 @@ def test_no_heartbeat_after_the_ack_is_no_answer(bench: Bench) -> None:
     bench.ack(MavCmd.COMPONENT_ARM_DISARM)
     bench.wait(60.0)
     assert bench.results == [("Arm", "no_answer")]
-    assert bench.outcomes[0].detail == "ACCEPTED, but no HEARTBEAT for 3 s"
+    assert bench.outcomes[0].detail == "ACCEPTED, but no HEARTBEAT for 6 s"
 
 
 def test_where_the_ack_is_enough_no_state_is_waited_for(bench: Bench) -> None:
@@ -392,7 +392,7 @@ def test_a_refused_retry_is_refused_if_no_state_shows_otherwise(bench: Bench) ->
     bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")
     bench.text("not in this mode")
     assert bench.outcomes == []
-    bench.wait(1.9)
+    bench.wait(4.9)
     assert bench.outcomes == []
     bench.wait(1.1)
     assert bench.results == [("TakeOff", "refused")]
@@ -452,3 +452,29 @@ def test_a_text_does_not_end_a_command_that_was_not_refused(bench: Bench) -> Non
     bench.ack(MavCmd.COMPONENT_ARM_DISARM)
     bench.text("Arming motors")
     assert bench.outcomes == []
+
+
+# --- Asked again -----------------------------------------------------------------------
+
+
+def test_a_request_that_is_repeated_while_it_waits_or_is_under_way_is_sent_once(
+    bench: Bench,
+) -> None:
+    for _ in range(3):
+        bench.submit(REQUEST_HOME, REQUEST_TAKE_OFF)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    bench.ack(MavCmd.NAV_TAKEOFF)
+    assert [attempt.command for _, attempt in bench.sent] == [ASK, TAKE_OFF]
+    assert bench.results == [("RequestHome", "accepted"), ("TakeOff", "accepted")]
+    bench.submit(REQUEST_HOME)
+    assert len(bench.sent) == 3
+
+
+def test_the_last_wish_counts_when_another_of_its_kind_came_between(bench: Bench) -> None:
+    """Guided, land, guided: the third is no repetition of the first."""
+    guided = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 4.0)),))
+    land = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 9.0)),))
+    bench.submit(guided, land, guided)
+    for _ in range(3):
+        bench.ack(MavCmd.DO_SET_MODE)
+    assert [attempt.command.params[1] for _, attempt in bench.sent] == [4.0, 9.0, 4.0]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any, TypeVar
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.events import (
     Arm,
@@ -33,13 +34,15 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
-from swarmctl.link.link import Address, MavlinkLink
-from tests.link.wire import Sender, unpack
+from swarmctl.link.facts import Address, MessageId
+from swarmctl.link.link import MavlinkLink
+from swarmctl.link.signing import Signing
+from tests.link.wire import Sender, frame_by_hand, unpack
 
 GCS = 245
-AT_1 = ("10.0.0.1", 14550)
-AT_2 = ("10.0.0.2", 14550)
-ELSEWHERE = ("10.0.0.9", 40000)
+AT_1 = Address("10.0.0.1", 14550)
+AT_2 = Address("10.0.0.2", 14550)
+ELSEWHERE = Address("10.0.0.9", 40000)
 
 Kind = TypeVar("Kind", bound=Observation)
 
@@ -76,8 +79,15 @@ class Vehicle(Sender):
 class Bench:
     """A link, a clock, and what the link said."""
 
-    def __init__(self, vehicles: Collection[int] | None = (1, 2)) -> None:
-        self.link = MavlinkLink(gcs_sysid=GCS, vehicles=vehicles)
+    def __init__(
+        self,
+        vehicles: Collection[int] | None = (1, 2),
+        signing: Signing | None = None,
+        stations: Sequence[Address] = (),
+    ) -> None:
+        self.link = MavlinkLink(
+            gcs_sysid=GCS, vehicles=vehicles, signing=signing, stations=stations
+        )
         self.now = 50.0
         self.heard: list[Observation] = []
         self.sent: list[tuple[bytes, Address]] = []
@@ -248,7 +258,7 @@ def test_two_vehicles_behind_one_address(bench: Bench) -> None:
     bench.wait(0.0)
     assert len(bench.sent_to(AT_1, "HEARTBEAT")) == 1
     sequence = [unpack(frame).get_seq() for frame, _ in bench.sent]
-    assert sequence == [0, 1, 2]
+    assert sequence == [0, 1, 2, 3]
 
 
 def test_sequence_numbers_count_per_address(two: tuple[Bench, Vehicle, Vehicle]) -> None:
@@ -279,7 +289,11 @@ def test_a_vehicle_that_falls_silent_may_come_back_elsewhere(
     bench.link.send(goto(1), bench.now)
     bench.wait(1.0)
     sent = [(unpack(frame).get_type(), where) for frame, where in bench.sent if where != AT_2]
-    assert sent == [("SET_POSITION_TARGET_GLOBAL_INT", ELSEWHERE), ("HEARTBEAT", ELSEWHERE)]
+    assert sent == [
+        ("SET_POSITION_TARGET_GLOBAL_INT", ELSEWHERE),
+        ("HEARTBEAT", ELSEWHERE),
+        ("TIMESYNC", ELSEWHERE),
+    ]
     assert {heartbeat.mode_name for heartbeat in bench.of(Heartbeat)} == {"STABILIZE"}
     assert len(bench.of(Heartbeat)) == 3
 
@@ -417,16 +431,47 @@ def test_each_kind_of_fault_is_named_once_and_then_counted(
     assert len(bench.of(Heartbeat)) == 1
 
 
+NAMES = st.sampled_from(sorted(message.name for message in MessageId))
+
+
+@given(
+    st.lists(st.tuples(NAMES, st.binary(max_size=255), st.integers(0, 255)), max_size=8),
+    st.booleans(),
+)
+def test_no_payload_of_any_message_raises_or_stops_the_next(
+    messages: list[tuple[str, bytes, int]], known: bool
+) -> None:
+    """Sound frames with any payload of any length, from any system: hostile, not corrupt."""
+    bench = Bench(stations=[ELSEWHERE])
+    vehicle = Vehicle(1)
+    if known:
+        bench.receive(vehicle.state(), AT_1)
+    for name, payload, sysid in messages:
+        message_id = MessageId[name]
+        crc_extra = mavlink.mavlink_map[message_id].crc_extra
+        for sender in (1, sysid):
+            frame = frame_by_hand(message_id, payload, crc_extra, sysid=sender)
+            bench.receive(frame, AT_1)
+            bench.receive(frame, ELSEWHERE)
+    bench.wait(3.0)
+    bench.receive(vehicle.state(), AT_1)
+    assert bench.of(Heartbeat)[-1].sysid == 1
+    for position in bench.of(VehiclePosition):
+        assert abs(position.lat_rad) <= math.pi / 2
+        assert math.isfinite(position.alt_amsl_m + sum(position.velocity_enu))
+
+
 @given(st.lists(st.binary(max_size=80), max_size=5), st.integers(0, 40), st.integers(0, 255))
 def test_nothing_that_arrives_raises_or_stops_the_next(
     junk: list[bytes], place: int, value: int
 ) -> None:
-    bench = Bench()
+    bench = Bench(stations=[AT_2])
     vehicle = Vehicle(1)
     frame = bytearray(vehicle.pack("STATUSTEXT", text=b"a text of some length", severity=3))
     frame[place % len(frame)] = value
     for data in (*junk, bytes(frame)):
         bench.receive(data, ELSEWHERE)
+        bench.receive(data, AT_2)
     bench.receive(vehicle.state(), AT_1)
     assert bench.of(Heartbeat)[-1].sysid == 1
 
@@ -486,13 +531,14 @@ def test_traffic_is_every_sound_frame_in_and_out(bench: Bench) -> None:
     bench.link.send(goto(1), 52.0)
     bench.link.handle_timer(52.5)
     bench.drain()
-    (setpoint, _), (heartbeat, _) = bench.sent
+    (setpoint, _), (heartbeat, _), (timesync, _) = bench.sent
     assert bench.link.traffic() == [
         (50.0, first),
         (50.0, second),
         (51.0, other),
         (52.0, setpoint),
         (52.5, heartbeat),
+        (52.5, timesync),
     ]
     assert bench.link.traffic() == []
     assert bench.link.messages_in == 3
@@ -602,9 +648,9 @@ def test_a_command_is_tried_again_by_the_links_own_timer(
     bench.drain()
     bench.wait(10.0)
     tries = bench.sent_to(AT_1, "COMMAND_LONG")
-    assert [message.confirmation for message in tries] == [0, 1, 2, 3]
+    assert [message.confirmation for message in tries] == list(range(8))
     (outcome,) = bench.of(CommandOutcome)
-    assert (outcome.result, outcome.received_s) == ("no_answer", 54.0)
+    assert (outcome.result, outcome.received_s) == ("no_answer", 58.0)
 
 
 def test_an_answer_to_another_ground_station_is_not_ours(

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from swarmctl.link.clock import BootClock, RoundTrips
 from swarmctl.link.statistics import LinkStatistics
 
 
@@ -79,10 +80,10 @@ def test_report_gives_totals_and_the_rate_since_the_last_report() -> None:
     statistics = LinkStatistics(10.0)
     for seq in (0, 1, 2, 4):
         statistics.count(seq)
-    report = statistics.report(3, 12.0)
+    report = statistics.report(3, 12.0, BootClock(), RoundTrips())
     assert (report.sysid, report.received_s) == (3, 12.0)
     assert (report.messages_in, report.lost, report.rate_hz) == (4, 1, 2.0)
     statistics.count(5)
-    assert statistics.report(3, 12.5).rate_hz == 2.0
-    assert statistics.report(3, 13.0).rate_hz == 0.0
-    assert statistics.report(3, 13.0).rate_hz == 0.0
+    assert statistics.report(3, 12.5, BootClock(), RoundTrips()).rate_hz == 2.0
+    assert statistics.report(3, 13.0, BootClock(), RoundTrips()).rate_hz == 0.0
+    assert statistics.report(3, 13.0, BootClock(), RoundTrips()).rate_hz == 0.0

@@ -24,8 +24,10 @@ class Sender:
     def _pack(self, name: str, fields: dict[str, Any], *, v1: bool) -> bytes:
         message = getattr(mavlink, f"MAVLink_{name.lower()}_message")
         values = {
-            field: [0] * length
-            if (length := message.array_lengths[place]) and kind != "char"
+            field: b""
+            if kind == "char"
+            else [0] * length
+            if (length := message.array_lengths[place])
             else 0
             for field, kind, place in zip(
                 message.fieldnames, message.fieldtypes, message.orders, strict=True
@@ -64,10 +66,22 @@ def crc(data: bytes) -> int:
     return value
 
 
-def frame_by_hand(message_id: int, payload: bytes, crc_extra: int, *, seq: int = 0) -> bytes:
-    """A MAVLink 2 frame of system 1, component 1, laid out byte by byte."""
+def frame_by_hand(
+    message_id: int, payload: bytes, crc_extra: int, *, seq: int = 0, sysid: int = 1
+) -> bytes:
+    """A MAVLink 2 frame of component 1, laid out byte by byte."""
     body = bytes(
-        (len(payload), 0, 0, seq, 1, 1, message_id & 255, message_id >> 8 & 255, message_id >> 16)
+        (
+            len(payload),
+            0,
+            0,
+            seq,
+            sysid,
+            1,
+            message_id & 255,
+            message_id >> 8 & 255,
+            message_id >> 16,
+        )
     )
     body += payload
     return b"\xfd" + body + crc(body + bytes((crc_extra,))).to_bytes(2, "little")

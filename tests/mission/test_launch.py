@@ -15,7 +15,7 @@ from swarmctl.events import (
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.launch import LANDING_TIMEOUT_S, RETRY_S, TAKE_OFF_TIMEOUT_S, Landing, Launch
 from swarmctl.mission.loading import parse_mission
-from swarmctl.mission.watch import LOST_AFTER_S, Watch
+from swarmctl.mission.watch import HEARTBEAT_LOST_AFTER_S, Watch
 from tests.missions import short_mission_text
 
 
@@ -168,7 +168,7 @@ def test_a_vehicle_that_falls_silent_or_never_lands_is_given_up() -> None:
     beat(silent, 0.0, Mode.LAND)
     beat(stuck, LANDING_TIMEOUT_S, Mode.LAND)
     landing = Landing([silent, stuck], watch(), 0.0)
-    landing.step(LOST_AFTER_S + 0.1)
+    landing.step(HEARTBEAT_LOST_AFTER_S + 0.1)
     assert set(landing.given_up) == {1}
     landing.step(LANDING_TIMEOUT_S + 0.1)
     assert set(landing.given_up) == {1, 2}

@@ -2,12 +2,12 @@
 
 import pytest
 
-from swarmctl.events import Heartbeat, Mode, VehicleStatus
+from swarmctl.events import Heartbeat, Mode, VehiclePosition, VehicleStatus
 from swarmctl.frames import LocalFrame
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.loading import parse_mission
 from swarmctl.mission.phases import Phase
-from swarmctl.mission.watch import BROKEN_PLAN_S, LOST_AFTER_S, Watch
+from swarmctl.mission.watch import BROKEN_PLAN_S, HEARTBEAT_LOST_AFTER_S, LOST_AFTER_S, Watch
 from tests.missions import short_mission_text
 
 MISSION = parse_mission(short_mission_text())
@@ -17,16 +17,28 @@ def watch(hiccup_s: float = 0.0) -> Watch:
     return Watch(MISSION, hiccup_s)
 
 
-def fleet(*, armed: bool = True, battery: float | None = 0.9) -> Fleet:
+def fleet(
+    *, armed: bool = True, battery: float | None = 0.9, position_s: float = 0.0, beat_s: float = 0.0
+) -> Fleet:
     vehicle = VehicleState(1, 30.0)
     vehicle.heartbeat = Heartbeat(
-        received_s=0.0,
+        received_s=beat_s,
         sysid=1,
         autopilot="ardupilot",
         is_multirotor=True,
         mode=Mode.GUIDED,
         mode_name="GUIDED",
         armed=armed,
+    )
+    vehicle.position = VehiclePosition(
+        received_s=position_s,
+        sysid=1,
+        boot_s=0.0,
+        epoch_utc_s=None,
+        lat_rad=0.9,
+        lon_rad=0.2,
+        alt_amsl_m=30.0,
+        velocity_enu=(0.0, 0.0, 0.0),
     )
     vehicle.status = VehicleStatus(
         received_s=0.0, sysid=1, battery_v=None, battery_fraction=battery, prearm_ok=True
@@ -44,6 +56,13 @@ def test_silence_is_a_loss_after_its_time_and_the_computers_own() -> None:
     assert result(fleet(), LOST_AFTER_S + 0.1) == "vehicle_lost"
     assert result(fleet(), LOST_AFTER_S + 3.0, hiccup_s=3.0) is None
     assert result(fleet(), LOST_AFTER_S + 3.1, hiccup_s=3.0) == "vehicle_lost"
+
+
+def test_heartbeats_may_be_missing_for_longer_than_positions() -> None:
+    at = HEARTBEAT_LOST_AFTER_S
+    assert result(fleet(position_s=at), at) is None
+    assert result(fleet(position_s=at), at + 0.1) == "vehicle_lost"
+    assert result(fleet(position_s=0.0, beat_s=at), at) == "vehicle_lost"
 
 
 def test_a_disarmed_vehicle_is_a_loss_only_once_all_should_fly() -> None:

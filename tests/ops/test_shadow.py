@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.world import World
 from swarmctl.events import Arm, Command, GoTo, Record, SetMode, TakeOff
+from swarmctl.link.facts import Address
 from swarmctl.mission.loading import parse_mission
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
@@ -57,14 +58,14 @@ class Rehearsal:
             datagrams, publications = self.world.datagrams(), self.world.publications()
             for station in self.stations:
                 for sysid, data in datagrams:
-                    station.datagram(data, ("memory", sysid), now)
+                    station.datagram(data, Address("memory", sysid), now)
                 for topic, payload in publications:
                     station.message(topic, payload, now)
                 if now >= station.next_wake():
                     station.wake(now)
                 else:
                     station.settle(now)
-                for data, (_, sysid) in station.datagrams():
+                for data, (_, sysid, _) in station.datagrams():
                     self.world.receive_datagram(sysid, data)
                     if station is self.shadow:
                         self.sent.append(data)
@@ -74,10 +75,11 @@ class Rehearsal:
         return [record for record in self.tape.records if isinstance(record, Command)]
 
     def require_only_inquiries(self) -> None:
-        """Whatever it sent asks for information, but for its heartbeat."""
+        """Whatever it sent asks for information or for the time, but for its heartbeat."""
         parser = dialect.MAVLink(None)
         messages = [message for data in self.sent for message in parser.parse_buffer(data)]
-        assert {message.get_type() for message in messages} == {"HEARTBEAT", "COMMAND_LONG"}
+        kinds = {message.get_type() for message in messages}
+        assert kinds == {"HEARTBEAT", "TIMESYNC", "COMMAND_LONG"}
         asked = {m.command for m in messages if m.get_type() == "COMMAND_LONG"}
         assert asked == INQUIRIES
 

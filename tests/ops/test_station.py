@@ -5,8 +5,9 @@ import json
 import msgspec
 import pytest
 
-from swarmctl.events import EmitterTruth, Record
+from swarmctl.events import EmitterTruth, LinkConnection, Record
 from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
+from swarmctl.link.facts import Address
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.loading import parse_mission
 from swarmctl.ops.station import Station
@@ -102,3 +103,20 @@ def test_a_snapshot_can_be_taken_at_any_time() -> None:
     assert snapshot.estimate.sigma_major_m == pytest.approx(100.0)
     assert [vehicle.sysid for vehicle in snapshot.vehicles] == [1, 2, 3, 4]
     assert json.loads(msgspec.json.encode(ground.counts()))["rd_dropped"] == 0
+
+
+def test_a_link_that_calls_is_called_while_it_is_connected_and_its_loss_is_told() -> None:
+    tape = Tape()
+    ground = station(tape)
+    radio, url = Address("10.0.0.1", 5760, 1), "tcp://10.0.0.1:5760"
+    ground.opened(["udpin://0.0.0.0:14550", url], [radio], 0.0)
+    ground.wake(0.0)
+    assert [address for _, address in ground.datagrams()] == [radio]
+    for now, connected in ((1.0, False), (3.0, True)):
+        ground.connection(radio, url, connected, now)
+        ground.wake(now)
+        assert [address for _, address in ground.datagrams()] == [radio] * connected
+    told = [notice.text for notice in ground.notices()]
+    assert told[-2:] == [f"the link {url} is lost; reconnecting", f"the link {url} is back"]
+    events = [record for record, _ in tape.records if isinstance(record, LinkConnection)]
+    assert [event.connected for event in events] == [False, True]

@@ -43,7 +43,11 @@ ONE_OF_EACH: tuple[Record, ...] = (
     events.LandedState(received_s=1.0, sysid=3, state="in_air"),
     events.StatusText(received_s=1.0, sysid=3, severity=4, text="Größe, \"quoted\""),
     events.CommandOutcome(received_s=1.0, sysid=3, command="Arm", result="accepted", detail="-"),
-    events.LinkQuality(received_s=1.0, sysid=3, messages_in=100, lost=1, rate_hz=20.0),
+    events.LinkQuality(
+        received_s=1.0, sysid=3, messages_in=100, lost=1, rate_hz=20.0, rtt_s=0.06,
+        boot_offset_s=-3.5, boot_offset_error_s=0.02, utc_error_s=None,
+    ),
+    events.LinkConnection(received_s=1.0, url="tcp://10.0.0.1:5760", connected=False),
     events.InputRejected(received_s=1.0, source="feed", kind="not_json", detail="Bytes."),
     events.RangeDifferences(
         received_s=1.0, epoch_utc_s=1.79e9, reference=1,

@@ -1,0 +1,51 @@
+"""The signing key of a mission, and its timestamp kept on disk for as long as it flies."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from swarmctl.errors import LinkError
+from swarmctl.link.key_file import STORE_EVERY_S, TimestampFile, read_key
+from swarmctl.link.signing import Signing, timestamp_at
+from swarmctl.mission.model import Mission
+
+
+@contextlib.asynccontextmanager
+async def signing(
+    mission: Mission, mission_path: Path, utc_start_s: float
+) -> AsyncIterator[Signing | None]:
+    """MAVLink signing as the mission wants it; None if it wants none.
+
+    Args:
+        mission: The mission.
+        mission_path: Its file; the key's file is found from there.
+        utc_start_s: UTC at the station's time 0, s.
+
+    Raises:
+        UsageError: If the key's file holds no key.
+        LinkError: If the timestamp cannot be kept beside it.
+    """
+    if not mission.swarm.signing_key_file:
+        yield None
+        return
+    path = mission_path.parent / mission.swarm.signing_key_file
+    key, file = read_key(path), TimestampFile(path)
+    used = Signing(key, max(file.load(), timestamp_at(utc_start_s)), utc_start_s)
+    file.store(used.timestamp)
+    keeper = asyncio.create_task(_keep(used, file))
+    try:
+        yield used
+    finally:
+        keeper.cancel()
+
+
+async def _keep(used: Signing, file: TimestampFile) -> None:
+    while True:
+        await asyncio.sleep(STORE_EVERY_S)
+        # A disk that is full in mid-flight is no reason to stop: the reserve lasts, and the
+        # clock of this computer is right.
+        with contextlib.suppress(LinkError):
+            file.store(used.timestamp)
