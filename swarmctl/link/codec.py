@@ -43,6 +43,7 @@ from swarmctl.link.facts import (
     Frame,
     HeartbeatFact,
     MessageId,
+    ParameterFact,
     PositionFact,
 )
 
@@ -160,7 +161,7 @@ def read(frame: Frame, received_s: float) -> Fact | Fault | None:
     """Decode a frame.
 
     A message whose meaning is all on the wire becomes its event at once; HEARTBEAT,
-    GLOBAL_POSITION_INT and COMMAND_ACK need more than that and become facts.
+    GLOBAL_POSITION_INT, PARAM_VALUE and COMMAND_ACK need more than that and become facts.
 
     Args:
         frame: A frame from :func:`split`.
@@ -202,6 +203,7 @@ _AUTOPILOTS: dict[int, Literal["ardupilot", "px4"]] = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardupilot",
     mavlink.MAV_AUTOPILOT_PX4: "px4",
 }
+_ON_FAILSAFE = frozenset((mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY))
 _MULTIROTORS = frozenset(
     (
         mavlink.MAV_TYPE_QUADROTOR,
@@ -223,6 +225,7 @@ def _heartbeat(
     autopilot: int,
     base_mode: int,
     custom_mode: int,
+    system_status: int,
 ) -> HeartbeatFact | None:
     if vehicle_type == mavlink.MAV_TYPE_GCS or autopilot == mavlink.MAV_AUTOPILOT_INVALID:
         return None  # a ground station, a camera: no flight controller
@@ -231,6 +234,7 @@ def _heartbeat(
         vehicle_type in _MULTIROTORS,
         custom_mode,
         bool(base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        system_status in _ON_FAILSAFE,
     )
 
 
@@ -359,6 +363,11 @@ def _command_ack(
     return CommandAck(command, name, target_system)
 
 
+def _param_value(_sysid: int, _received_s: float, raw: bytes, name: bytes, kind: int) -> Fact:
+    decoded = name.partition(b"\0")[0].decode("ascii", "replace")
+    return ParameterFact(decoded, raw, kind)
+
+
 _Build = Callable[..., Fact | Fault | None]
 _Reader = tuple[struct.Struct, Callable[[tuple[Any, ...]], tuple[Any, ...]], _Build]
 
@@ -374,10 +383,16 @@ def _reader(message_id: MessageId, build: _Build, fields: str) -> _Reader:
     return message.unpacker, pick, build
 
 
+# The value's bytes and not its float: an integer's may be those of a signalling NaN, which no
+# floating-point register carries unchanged.
+_PARAM_VALUE = struct.Struct("<4s4x16sB")
+
 _READERS: dict[int, _Reader] = {
+    MessageId.PARAM_VALUE: (_PARAM_VALUE, itemgetter(0, 1, 2), _param_value)
+} | {
     message_id: _reader(message_id, build, fields)
     for message_id, build, fields in (
-        (MessageId.HEARTBEAT, _heartbeat, "type autopilot base_mode custom_mode"),
+        (MessageId.HEARTBEAT, _heartbeat, "type autopilot base_mode custom_mode system_status"),
         (
             MessageId.GLOBAL_POSITION_INT,
             _global_position_int,
@@ -398,6 +413,55 @@ _READERS: dict[int, _Reader] = {
         (MessageId.COMMAND_ACK, _command_ack, "command result target_system"),
     )
 }
+
+
+# --- Parameters ------------------------------------------------------------------------
+
+_MAX_PARAMETER_NAME = 16
+_INTEGERS = {
+    mavlink.MAV_PARAM_TYPE_UINT8: struct.Struct("<Bxxx"),
+    mavlink.MAV_PARAM_TYPE_INT8: struct.Struct("<bxxx"),
+    mavlink.MAV_PARAM_TYPE_UINT16: struct.Struct("<Hxx"),
+    mavlink.MAV_PARAM_TYPE_INT16: struct.Struct("<hxx"),
+    mavlink.MAV_PARAM_TYPE_UINT32: struct.Struct("<I"),
+    mavlink.MAV_PARAM_TYPE_INT32: struct.Struct("<i"),
+}
+_FLOAT = struct.Struct("<f")
+
+
+def is_parameter_name(name: str) -> bool:
+    """Whether a parameter can have this name."""
+    return name.isascii() and 0 < len(name) <= _MAX_PARAMETER_NAME
+
+
+def parameter_value(fact: ParameterFact, *, bytewise: bool) -> float:
+    """The value of a PARAM_VALUE.
+
+    Args:
+        fact: What came.
+        bytewise: Whether integers travel as their bytes
+            (https://mavlink.io/en/services/parameter.html#parameter-encoding).
+    """
+    layout = _INTEGERS.get(fact.kind, _FLOAT) if bytewise else _FLOAT
+    (value,) = layout.unpack(fact.raw)
+    return float(value)
+
+
+def parameter_bytes(value: float, kind: int, *, bytewise: bool) -> bytes | None:
+    """The four bytes in which a value is set; None if they cannot hold it.
+
+    Args:
+        value: The value.
+        kind: MAV_PARAM_TYPE, as the vehicle told it.
+        bytewise: As for :func:`parameter_value`.
+    """
+    layout = _INTEGERS.get(kind) if bytewise else None
+    try:
+        if layout is None:
+            return _FLOAT.pack(value)
+        return layout.pack(int(value)) if value == int(value) else None
+    except (struct.error, ValueError, OverflowError):
+        return None
 
 
 # --- Sending ---------------------------------------------------------------------------
@@ -435,8 +499,28 @@ class Encoder:
             )
         )
 
+    def param_request_read(self, target: int, name: str) -> bytes:
+        """PARAM_REQUEST_READ of a parameter by its name."""
+        return self._pack(
+            mavlink.MAVLink_param_request_read_message(
+                target, AUTOPILOT_COMPONENT, name.encode("ascii"), -1
+            )
+        )
+
+    def param_set(self, target: int, name: str, raw: bytes, kind: int) -> bytes:
+        """PARAM_SET of a parameter; ``raw`` as :func:`parameter_bytes` gives it."""
+        (carrier,) = _FLOAT.unpack(raw)
+        return self._pack(
+            mavlink.MAVLink_param_set_message(
+                target, AUTOPILOT_COMPONENT, name.encode("ascii"), carrier, kind
+            )
+        )
+
     def setpoint(self, goto: GoTo, now: float) -> bytes | None:
         """SET_POSITION_TARGET_GLOBAL_INT: altitude AMSL, position and velocity used.
+
+        The frame is MAV_FRAME_GLOBAL_INT (5), the only one with altitudes AMSL that every
+        autopilot takes: PX4 refuses MAV_FRAME_GLOBAL (0) and _RELATIVE_ALT (3).
 
         Returns:
             The frame; None if a field is not finite or does not fit into its wire field, for

@@ -39,6 +39,7 @@ class MessageId(IntEnum):
     HEARTBEAT = 0
     SYS_STATUS = 1
     SYSTEM_TIME = 2
+    PARAM_VALUE = 22
     GPS_RAW_INT = 24
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
@@ -90,12 +91,14 @@ class HeartbeatFact(msgspec.Struct, frozen=True, gc=False):
         is_multirotor: Whether MAV_TYPE is a multirotor.
         custom_mode: The autopilot's own mode number.
         armed: Whether the motors are armed.
+        failsafe: Whether it says that it flies on a failsafe (MAV_STATE_CRITICAL or worse).
     """
 
     autopilot: Literal["ardupilot", "px4", "other"]
     is_multirotor: bool
     custom_mode: int
     armed: bool
+    failsafe: bool
 
 
 class PositionFact(msgspec.Struct, frozen=True):
@@ -122,10 +125,25 @@ class CommandAck(msgspec.Struct, frozen=True, gc=False):
     target_system: int
 
 
+class ParameterFact(msgspec.Struct, frozen=True, gc=False):
+    """PARAM_VALUE; what its bytes mean depends on the autopilot.
+
+    Attributes:
+        name: The vehicle's own name of the parameter.
+        raw: The four bytes of the value.
+        kind: MAV_PARAM_TYPE.
+    """
+
+    name: str
+    raw: bytes
+    kind: int
+
+
 Fact = (
     HeartbeatFact
     | PositionFact
     | CommandAck
+    | ParameterFact
     | GpsFix
     | HomePosition
     | LandedState
@@ -148,3 +166,15 @@ class CommandLong(msgspec.Struct, frozen=True):
 
     command: MavCmd
     params: tuple[float, ...]
+
+
+class Spelling(msgspec.Struct, frozen=True):
+    """How one version of a flight stack writes a parameter.
+
+    Attributes:
+        name: Its name there.
+        unit: One of its units there, in those of the parameter's newest name.
+    """
+
+    name: str
+    unit: float = 1.0

@@ -17,12 +17,15 @@ from swarmctl.events import (
     LandedState,
     Mode,
     Observation,
+    ParameterValue,
+    ReadParameter,
     StatusText,
     VehicleClock,
     VehiclePosition,
+    WriteParameter,
 )
 from swarmctl.link import codec
-from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
 from swarmctl.link.clock import BootClock
 from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
@@ -32,8 +35,10 @@ from swarmctl.link.facts import (
     Frame,
     HeartbeatFact,
     MessageId,
+    ParameterFact,
     PositionFact,
 )
+from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
 
 Address = tuple[str, int]
@@ -53,11 +58,16 @@ class _Vehicle:
         self.heard_s = now
         self.rival: Address | None = None
         self.rival_heard_s = now
-        self.is_supported = False
+        self.personality: Personality | None = None
         self.home_alt_amsl_m: float | None = None
         self.clock = BootClock()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
+        self.parameters = ParameterExchange(sysid)
+
+    def next_timer(self) -> float:
+        """When its exchanges are due."""
+        return min(self.exchange.next_timer(), self.parameters.next_timer())
 
 
 class MavlinkLink:
@@ -77,8 +87,8 @@ class MavlinkLink:
     Attributes:
         messages_in: Sound frames received, from whomever.
         setpoints_out: Setpoints sent.
-        setpoints_dropped: Setpoints not sent: the vehicle is unknown or no ArduCopter, or a
-            field is not finite.
+        setpoints_dropped: Setpoints not sent: the vehicle is unknown or of an unknown kind, or
+            a field is not finite.
         rejected: How often each kind of fault was met; the first of each kind was named in an
             InputRejected.
     """
@@ -123,25 +133,30 @@ class MavlinkLink:
     def send(self, command: Command, now: float) -> None:
         """Send a command, or queue it behind those its vehicle has not acknowledged yet.
 
-        Each command but GoTo ends in one CommandOutcome. GoTo leaves at once, or not at all:
-        then it is counted in ``setpoints_dropped``.
+        Each command ends in one CommandOutcome, but for ReadParameter and WriteParameter, which
+        end in a ParameterValue, and GoTo, which leaves at once, or not at all: then it is
+        counted in ``setpoints_dropped``.
         """
         vehicle = self._vehicles.get(command.sysid)
+        personality = None if vehicle is None else vehicle.personality
         if isinstance(command, GoTo):
             frame = None
-            if vehicle is not None and vehicle.is_supported:
+            if vehicle is not None and personality is not None:
                 frame = vehicle.encoder.setpoint(command, now)
             if vehicle is None or frame is None:
                 self.setpoints_dropped += 1
             else:
                 self.setpoints_out += 1
                 self._transmit(frame, vehicle.address, now)
+        elif isinstance(command, ReadParameter | WriteParameter):
+            self._parameter(command, vehicle, now)
         elif vehicle is None:
             self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
-        elif not vehicle.is_supported:
-            self._end(command, "refused", "its HEARTBEAT says that it is no ArduCopter", now)
+        elif personality is None:
+            detail = "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
+            self._end(command, "refused", detail, now)
         else:
-            request = ardupilot.request_for(command, vehicle.home_alt_amsl_m)
+            request = personality.request_for(command, vehicle.home_alt_amsl_m)
             if isinstance(request, str):
                 self._end(command, "refused", request, now)
             else:
@@ -159,13 +174,14 @@ class MavlinkLink:
             for sysid, vehicle in self._vehicles.items():
                 self._events.append(vehicle.statistics.report(sysid, now))
         for sysid, vehicle in self._vehicles.items():
-            if now >= vehicle.exchange.next_timer():
+            if now >= vehicle.next_timer():
                 vehicle.exchange.handle_timer(now)
+                vehicle.parameters.handle_timer(now)
                 self._flush(vehicle, sysid, now)
 
     def next_timer(self) -> float:
         """When :meth:`handle_timer` is due; infinity while no vehicle is known."""
-        retries = (vehicle.exchange.next_timer() for vehicle in self._vehicles.values())
+        retries = (vehicle.next_timer() for vehicle in self._vehicles.values())
         return min((self._next_period_s, *retries))
 
     def events(self) -> list[Observation]:
@@ -268,6 +284,10 @@ class MavlinkLink:
                 # Another ground station on the same network gets its answers, too.
                 if fact.target_system in {0, self._gcs_sysid}:
                     vehicle.exchange.on_ack(fact, now)
+            case ParameterFact():
+                if vehicle.personality is not None:
+                    bytewise = vehicle.personality.BYTEWISE_PARAMETERS
+                    vehicle.parameters.on_value(fact, now, bytewise=bytewise)
             case _:
                 self._events.append(fact)
                 if isinstance(fact, LandedState):
@@ -283,9 +303,10 @@ class MavlinkLink:
     def _heartbeat(
         self, fact: HeartbeatFact, sysid: int, vehicle: _Vehicle, now: float
     ) -> Heartbeat:
-        vehicle.is_supported = fact.autopilot == "ardupilot" and fact.is_multirotor
-        if vehicle.is_supported:
-            mode, mode_name = ardupilot.mode_of(fact.custom_mode)
+        personality = PERSONALITIES.get(fact.autopilot) if fact.is_multirotor else None
+        vehicle.personality = personality
+        if personality is not None:
+            mode, mode_name = personality.mode_of(fact.custom_mode)
         else:
             mode, mode_name = Mode.OTHER, str(fact.custom_mode)
         return Heartbeat(
@@ -296,6 +317,8 @@ class MavlinkLink:
             mode=mode,
             mode_name=mode_name,
             armed=fact.armed,
+            failsafe=fact.failsafe,
+            guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
         )
 
     def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
@@ -312,11 +335,37 @@ class MavlinkLink:
     # --- What is answered --------------------------------------------------------------
 
     def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
-        """Send and report what the vehicle's exchange has decided."""
+        """Send and report what the vehicle's exchanges have decided."""
         for attempt in vehicle.exchange.attempts():
             frame = vehicle.encoder.command_long(sysid, attempt.command, attempt.confirmation)
             self._transmit(frame, vehicle.address, now)
         self._events.extend(vehicle.exchange.outcomes())
+        for packet in vehicle.parameters.packets():
+            if isinstance(packet, ReadPacket):
+                frame = vehicle.encoder.param_request_read(sysid, packet.name)
+            else:
+                frame = vehicle.encoder.param_set(sysid, packet.name, packet.raw, packet.kind)
+            self._transmit(frame, vehicle.address, now)
+        self._events.extend(vehicle.parameters.values())
+
+    def _parameter(
+        self, command: ReadParameter | WriteParameter, vehicle: _Vehicle | None, now: float
+    ) -> None:
+        if vehicle is None or vehicle.personality is None:
+            self._events.append(
+                ParameterValue(
+                    received_s=now,
+                    sysid=command.sysid,
+                    parameter=command.parameter,
+                    value=None,
+                    own_name=command.parameter,
+                )
+            )
+            return
+        wanted = command.value if isinstance(command, WriteParameter) else None
+        spellings = vehicle.personality.spellings(command.parameter)
+        vehicle.parameters.submit(command.parameter, spellings, wanted, now)
+        self._flush(vehicle, command.sysid, now)
 
     def _end(
         self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float

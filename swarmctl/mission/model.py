@@ -86,17 +86,21 @@ class Swarm(Section):
 
     Attributes:
         name: Used in MQTT topics.
-        autopilot: The flight stack of all vehicles.
+        autopilot: The flight stack of all vehicles; ``auto`` takes what each says of itself.
         link: Where the controller listens for MAVLink, ``udpin://host:port``.
         gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).
+        set_failsafes: Whether swarmctl may set the vehicles' failsafe parameters for the flight
+            where they would not bring the swarm home safely and apart; they are restored after
+            it. Without, it refuses to fly such vehicles.
         reference: System id of the reference UAV.
         vehicles: All UAVs, the reference included.
     """
 
     name: Name
-    autopilot: Literal["ardupilot"]
+    autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     link: UdpUrl
     gcs_sysid: SysId = 245
+    set_failsafes: bool = False
     reference: SysId
     vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=2, max_length=13)]
 

@@ -10,6 +10,7 @@ import math
 from swarmctl.events import Command, RequestHome, RequestVersion, StreamTelemetry
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
+from swarmctl.mission.settings import Settings
 from swarmctl.mission.watch import Failure
 
 POSITION_HZ = 10.0
@@ -56,8 +57,11 @@ def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
     unmet = []
     beat, status = vehicle.heartbeat, vehicle.status
     if beat is not None:
-        if beat.autopilot != mission.swarm.autopilot:
-            unmet.append(f"its autopilot is {beat.autopilot}, not {mission.swarm.autopilot}")
+        wanted = mission.swarm.autopilot
+        if beat.autopilot == "other":
+            unmet.append("its autopilot is neither ArduPilot nor PX4")
+        elif wanted not in {"auto", beat.autopilot}:
+            unmet.append(f"its autopilot is {beat.autopilot}, not {wanted} (swarm.autopilot)")
         if not beat.is_multirotor:
             unmet.append("it is not a multirotor")
         if beat.armed:
@@ -142,6 +146,7 @@ class Preflight:
         now: Controller's time, s.
 
     Attributes:
+        settings: The vehicles' failsafe parameters.
         failure: Why the mission cannot start; None while it still may.
         complete: Whether every check of every vehicle has passed.
     """
@@ -152,6 +157,7 @@ class Preflight:
         self._since = now
         self._heard_since: float | None = None
         self._asked_at: dict[int, float] = {}
+        self.settings = Settings(mission, fleet)
         self.failure: Failure | None = None
         self.complete = False
 
@@ -163,7 +169,7 @@ class Preflight:
     @property
     def ready(self) -> int:
         """How many vehicles pass every check."""
-        return sum(not unmet_checks(v, self._mission) for v in self._fleet.vehicles.values())
+        return sum(not self._unmet(v) for v in self._fleet.vehicles.values())
 
     @property
     def all_heard(self) -> bool:
@@ -177,25 +183,34 @@ class Preflight:
         if fault is not None:
             self.failure = Failure("clock_mismatch", fault)
             return []
-        unmet = {v.sysid: texts for v in vehicles if (texts := unmet_checks(v, self._mission))}
+        unready = {v.sysid for v in vehicles if unmet_checks(v, self._mission)}
         commands = [
             command
             for v in vehicles
-            if v.heartbeat is not None and v.sysid in unmet
+            if v.heartbeat is not None and v.sysid in unready
             for command in self._ask(v.sysid, now)
         ]
+        # Nothing is set on vehicles that could not fly anyway.
+        commands += self.settings.step(now, may_set=not unready)
+        unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         if not self.all_heard:
             if now - self._since > ANSWER_TIMEOUT_S:
                 self.failure = self._silence(vehicles)
             return commands
         if self._heard_since is None:
             self._heard_since = now
-        if not unmet:
+        refusal = None if unready else self.settings.refusal()
+        if refusal is not None:
+            self.failure = Failure("unsafe_failsafes", refusal)
+        elif not unmet:
             self._check_together()
         elif now - self._heard_since > CHECK_TIMEOUT_S:
             missing = (f"vehicle {sysid}: {', '.join(texts)}" for sysid, texts in unmet.items())
             self.failure = Failure("not_ready", "; ".join(missing))
         return commands
+
+    def _unmet(self, vehicle: VehicleState) -> list[str]:
+        return unmet_checks(vehicle, self._mission) + self.settings.unmet(vehicle)
 
     def _ask(self, sysid: int, now: float) -> list[Command]:
         if now < self._asked_at.get(sysid, -ASK_AGAIN_S) + ASK_AGAIN_S:

@@ -16,7 +16,7 @@ from pathlib import Path
 from swarmctl.errors import SwarmError
 from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
-from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.link.endpoint import UdpEndpoint, open_udp
 from swarmctl.link.link import Address
 from swarmctl.mission.loading import load_mission
@@ -201,7 +201,11 @@ def what_vehicles_do(station: Station) -> str:
             continue
         position = vehicle.position
         where = f", {position.alt_amsl_m:.0f} m AMSL" if position is not None else ""
-        does = ardupilot.after_controller_stops(beat.mode, beat.armed)
+        personality = PERSONALITIES.get(beat.autopilot)
+        does = "does what its autopilot decides"
+        if personality is not None:
+            known = vehicle.known_parameters
+            does = personality.after_controller_stops(beat.mode, beat.armed, known)
         lines.append(f"  vehicle {vehicle.sysid} ({beat.mode_name}{where}) {does}.")
     return "\n".join(lines)
 

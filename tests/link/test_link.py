@@ -213,10 +213,10 @@ def test_without_a_list_any_vehicle_is_used_but_the_broadcast_id() -> None:
 
 @pytest.mark.parametrize(
     ("fields", "autopilot", "is_multirotor"),
-    [({"autopilot": 12}, "px4", True), ({"type": 1}, "ardupilot", False)],
+    [({"autopilot": 0}, "other", True), ({"type": 1}, "ardupilot", False)],
     ids=str,
 )
-def test_what_is_no_arducopter_is_heard_but_not_commanded(
+def test_what_is_of_an_unknown_kind_is_heard_but_not_commanded(
     bench: Bench, fields: dict[str, Any], autopilot: str, is_multirotor: bool
 ) -> None:
     bench.receive(Vehicle(1).heartbeat(mode=4, **fields))
@@ -228,7 +228,7 @@ def test_what_is_no_arducopter_is_heard_but_not_commanded(
     bench.drain()
     (outcome,) = bench.of(CommandOutcome)
     assert outcome.result == "refused"
-    assert outcome.detail == "its HEARTBEAT says that it is no ArduCopter"
+    assert outcome.detail == "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
     assert (bench.link.setpoints_out, bench.link.setpoints_dropped) == (0, 1)
     assert bench.sent == []
 
