@@ -162,6 +162,11 @@ class Controller:
         """Result's name and one sentence; empty before they are known."""
         return self._result
 
+    @property
+    def changed_settings(self) -> list[str]:
+        """Parameters of vehicles that were set for the flight and are not restored, in words."""
+        return self._preflight.settings.left_behind()
+
     def progress(self, now: float) -> str:
         """How far the phase is, in words."""
         vehicles = self.fleet.vehicles.values()

@@ -49,7 +49,7 @@ class Unsafe:
         parameter: Its name.
         value: What it is.
         right: What would be right.
-        why: What the right value does, as a sentence's end.
+        why: What the right value does, as a clause.
     """
 
     sysid: int
@@ -75,13 +75,13 @@ def _rules(autopilot: str, gcs_sysid: int) -> tuple[_Rule, ...]:
                 "FS_GCS_ENABLE",
                 lambda value: value == 1.0,
                 1.0,
-                "returns home when its ground station falls silent",
+                "it returns home when its ground station falls silent",
             ),
             _Rule(
                 "MAV_GCS_SYSID",
                 lambda value: value == gcs_sysid,
                 float(gcs_sysid),
-                "listens for this controller (swarm.gcs_sysid)",
+                "this controller is the ground station it listens for",
             ),
         )
     return (
@@ -89,19 +89,19 @@ def _rules(autopilot: str, gcs_sysid: int) -> tuple[_Rule, ...]:
             "NAV_DLL_ACT",
             lambda value: value == 2.0,
             2.0,
-            "returns home when its ground station falls silent",
+            "it returns home when its ground station falls silent",
         ),
         _Rule(
             "COM_OBL_RC_ACT",
             lambda value: value in {3.0, 5.0},
             5.0,
-            "hovers, without a remote control, until setpoints come again",
+            "without setpoints it hovers, with or without a remote control",
         ),
         _Rule(
             "COM_OF_LOSS_T",
             lambda value: 0.5 <= value <= 5.0,
             1.0,
-            "outlasts a hiccup of the radio, and no more",
+            "it outlasts a hiccup of the radio, and no more",
         ),
     )
 
@@ -149,7 +149,7 @@ def unsafe(
                     name,
                     craft.values[name],
                     right,
-                    f"returns at its own {craft.altitude_amsl_m:g} m AMSL, apart from the others"
+                    f"it returns at its own {craft.altitude_amsl_m:g} m AMSL, apart from the others"
                     " and below the ceiling",
                 )
             )

@@ -105,11 +105,14 @@ class Settings:
         """Why the swarm must not fly as its vehicles are set; None if it may."""
         if self._mission.swarm.set_failsafes:
             return None
-        parts = [self._sentence(fault) for fault in self.faults()]
-        if not parts:
+        alike: dict[str, list[str]] = {}
+        for fault in self.faults():
+            alike.setdefault(self._verdict(fault), []).append(f"{fault.sysid}")
+        if not alike:
             return None
+        parts = (f"{_vehicles(sysids)}: {verdict}" for verdict, sysids in alike.items())
         return (
-            f"{'; '.join(parts)}: set these on the vehicles, or let swarmctl set them for the"
+            f"{'; '.join(parts)}. Set these on the vehicles, or let swarmctl set them for the"
             " flight with swarm.set_failsafes: true"
         )
 
@@ -118,21 +121,15 @@ class Settings:
         mute = [str(v.sysid) for v in self._fleet.vehicles.values() if is_mute(v)]
         if not mute:
             return None
-        who = (
-            f"vehicle {mute[0]} answers" if len(mute) == 1 else f"vehicles {', '.join(mute)} answer"
-        )
         return (
-            f"{who} no question for parameters: nobody knows what they do when the ground"
-            " station is lost"
+            f"{_vehicles(mute)} answered no question for parameters: nobody knows what they do"
+            " when the ground station is lost"
         )
 
-    def _sentence(self, fault: Unsafe) -> str:
+    def _verdict(self, fault: Unsafe) -> str:
         told = self._fleet.vehicles[fault.sysid].parameters[fault.parameter]
         is_, right = fault.value / told.own_unit, fault.right / told.own_unit
-        return (
-            f"{told.own_name} of vehicle {fault.sysid} is {is_:g}, and should be {right:g}, with"
-            f" which it {fault.why}"
-        )
+        return f"{told.own_name} is {is_:g}, and should be {right:g} ({fault.why})"
 
     # --- After the flight ------------------------------------------------------------
 
@@ -169,6 +166,10 @@ class Settings:
             return False
         self._asked_at[sysid, name] = now
         return True
+
+
+def _vehicles(sysids: list[str]) -> str:
+    return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(sysids)}"
 
 
 def _own(told: ParameterValue) -> float:

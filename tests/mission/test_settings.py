@@ -51,12 +51,13 @@ def test_safe_vehicles_are_flown_without_a_word_and_without_a_write() -> None:
 def test_unsafe_vehicles_are_refused_with_what_would_be_right() -> None:
     refused = flight(set_failsafes=False)
     refused.fleet.vehicles[3].parameters = UNSAFE.copy()
+    refused.fleet.vehicles[4].parameters = UNSAFE | {"MAV_GCS_SYSID": 245.0}
     refused.run("ended")
     assert ended(refused).result == "unsafe_failsafes"
     assert ended(refused).detail == (
-        "FS_GCS_ENABLE of vehicle 3 is 0, and should be 1, with which it returns home when its"
-        " ground station falls silent; MAV_GCS_SYSID of vehicle 3 is 255, and should be 245, with"
-        " which it listens for this controller (swarm.gcs_sysid): set these on the vehicles, or let"
+        "vehicles 3, 4: FS_GCS_ENABLE is 0, and should be 1 (it returns home when its ground"
+        " station falls silent); vehicle 3: MAV_GCS_SYSID is 255, and should be 245 (this"
+        " controller is the ground station it listens for). Set these on the vehicles, or let"
         " swarmctl set them for the flight with swarm.set_failsafes: true"
     )
     assert writes(refused) == []
@@ -83,7 +84,7 @@ def test_a_refusal_speaks_the_vehicles_own_language() -> None:
     low = refused.controller.mission.swarm.vehicles[0]
     # 28 m above home, less a hair's breadth for the earth's curvature, rounded down.
     assert low.altitude_amsl_m - refused.controller.mission.origin.alt_amsl_m == 28.0
-    assert "RTL_ALT of vehicle 1 is 6000, and should be 2700" in ended(refused).detail
+    assert "vehicle 1: RTL_ALT is 6000, and should be 2700" in ended(refused).detail
 
 
 def test_with_consent_they_are_set_before_the_flight_and_restored_after_it() -> None:
@@ -94,9 +95,15 @@ def test_with_consent_they_are_set_before_the_flight_and_restored_after_it() -> 
     assert vehicle.parameters == ARDUPILOT_SAFE
     flown.run("landing")
     assert vehicle.parameters == ARDUPILOT_SAFE
+    # What the operator is told if he leaves the swarm now.
+    assert flown.controller.changed_settings == [
+        "FS_GCS_ENABLE of vehicle 3, which was 0",
+        "MAV_GCS_SYSID of vehicle 3, which was 255",
+    ]
     flown.run("ended")
     assert ended(flown).result == "located"
     assert vehicle.parameters == UNSAFE
+    assert flown.controller.changed_settings == []
     assert not vehicle.armed
     assert writes(flown) == [
         (3, "FS_GCS_ENABLE", 1.0),
@@ -165,7 +172,7 @@ def test_vehicles_that_tell_no_parameter_at_all_are_flown_with_a_warning() -> No
         flown.fleet.vehicles[sysid].parameters = {}
     flown.run("launching")
     assert texts(flown, "warning") == [
-        "vehicles 2, 4 answer no question for parameters: nobody knows what they do when the"
+        "vehicles 2, 4 answered no question for parameters: nobody knows what they do when the"
         " ground station is lost"
     ]
 
