@@ -330,6 +330,20 @@ class WriteParameter(Command, frozen=True):
     value: float
 
 
+class UploadFence(Command, frozen=True):
+    """Give the vehicle a circle to stay in, in place of any fence it had; read back.
+
+    Attributes:
+        lat_rad: Latitude of the centre, rad.
+        lon_rad: Longitude of the centre, rad.
+        radius_m: Radius, m.
+    """
+
+    lat_rad: float
+    lon_rad: float
+    radius_m: float
+
+
 class SetMode(Command, frozen=True):
     """Switch the flight mode; acknowledged."""
 

@@ -20,7 +20,7 @@ import re
 import struct
 from collections.abc import Callable
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Any, Literal, assert_never
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -30,21 +30,32 @@ from swarmctl.events import (
     HomePosition,
     LandedState,
     StatusText,
+    UploadFence,
     VehicleAttitude,
     VehicleClock,
     VehicleStatus,
     VehicleVersion,
 )
 from swarmctl.link.facts import (
+    AskForItem,
+    AskForPlan,
     CommandAck,
     CommandLong,
+    EndPlan,
     Fact,
     Fault,
+    FenceAck,
+    FenceCount,
+    FenceItem,
+    FenceRequest,
     Frame,
     HeartbeatFact,
     MessageId,
     ParameterFact,
+    PlanPacket,
     PositionFact,
+    SendItem,
+    StartPlan,
 )
 
 AUTOPILOT_COMPONENT = 1
@@ -368,6 +379,49 @@ def _param_value(_sysid: int, _received_s: float, raw: bytes, name: bytes, kind:
     return ParameterFact(decoded, raw, kind)
 
 
+_FENCE = mavlink.MAV_MISSION_TYPE_FENCE
+
+
+def _mission_request(
+    _sysid: int, _received_s: float, target_system: int, seq: int, mission_type: int
+) -> Fact | None:
+    return FenceRequest(target_system, seq) if mission_type == _FENCE else None
+
+
+def _mission_count(
+    _sysid: int, _received_s: float, target_system: int, count: int, mission_type: int
+) -> Fact | None:
+    return FenceCount(target_system, count) if mission_type == _FENCE else None
+
+
+def _mission_ack(
+    _sysid: int, _received_s: float, target_system: int, result: int, mission_type: int
+) -> Fact | None:
+    if mission_type != _FENCE:
+        return None
+    known = mavlink.enums["MAV_MISSION_RESULT"].get(result)
+    name = known.name.removeprefix("MAV_MISSION_") if known else f"MAV_MISSION_RESULT {result}"
+    return FenceAck(target_system, name)
+
+
+def _mission_item_int(
+    _sysid: int,
+    _received_s: float,
+    target_system: int,
+    seq: int,
+    command: int,
+    radius_m: float,
+    lat_e7: int,
+    lon_e7: int,
+    mission_type: int,
+) -> Fact | None:
+    if mission_type != _FENCE:
+        return None
+    is_circle = command == mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+    lat_rad, lon_rad = lat_e7 * _RAD_PER_E7, lon_e7 * _RAD_PER_E7
+    return FenceItem(target_system, seq, command, is_circle, radius_m, lat_rad, lon_rad)
+
+
 _Build = Callable[..., Fact | Fault | None]
 _Reader = tuple[struct.Struct, Callable[[tuple[Any, ...]], tuple[Any, ...]], _Build]
 
@@ -411,60 +465,40 @@ _READERS: dict[int, _Reader] = {
         (MessageId.AUTOPILOT_VERSION, _autopilot_version, "uid flight_sw_version"),
         (MessageId.STATUSTEXT, _statustext, "severity text"),
         (MessageId.COMMAND_ACK, _command_ack, "command result target_system"),
+        (MessageId.MISSION_REQUEST, _mission_request, "target_system seq mission_type"),
+        (MessageId.MISSION_REQUEST_INT, _mission_request, "target_system seq mission_type"),
+        (MessageId.MISSION_COUNT, _mission_count, "target_system count mission_type"),
+        (MessageId.MISSION_ACK, _mission_ack, "target_system type mission_type"),
+        (
+            MessageId.MISSION_ITEM_INT,
+            _mission_item_int,
+            "target_system seq command param1 x y mission_type",
+        ),
     )
 }
 
 
-# --- Parameters ------------------------------------------------------------------------
-
-_MAX_PARAMETER_NAME = 16
-_INTEGERS = {
-    mavlink.MAV_PARAM_TYPE_UINT8: struct.Struct("<Bxxx"),
-    mavlink.MAV_PARAM_TYPE_INT8: struct.Struct("<bxxx"),
-    mavlink.MAV_PARAM_TYPE_UINT16: struct.Struct("<Hxx"),
-    mavlink.MAV_PARAM_TYPE_INT16: struct.Struct("<hxx"),
-    mavlink.MAV_PARAM_TYPE_UINT32: struct.Struct("<I"),
-    mavlink.MAV_PARAM_TYPE_INT32: struct.Struct("<i"),
-}
-_FLOAT = struct.Struct("<f")
-
-
-def is_parameter_name(name: str) -> bool:
-    """Whether a parameter can have this name."""
-    return name.isascii() and 0 < len(name) <= _MAX_PARAMETER_NAME
-
-
-def parameter_value(fact: ParameterFact, *, bytewise: bool) -> float:
-    """The value of a PARAM_VALUE.
-
-    Args:
-        fact: What came.
-        bytewise: Whether integers travel as their bytes
-            (https://mavlink.io/en/services/parameter.html#parameter-encoding).
-    """
-    layout = _INTEGERS.get(fact.kind, _FLOAT) if bytewise else _FLOAT
-    (value,) = layout.unpack(fact.raw)
-    return float(value)
-
-
-def parameter_bytes(value: float, kind: int, *, bytewise: bool) -> bytes | None:
-    """The four bytes in which a value is set; None if they cannot hold it.
-
-    Args:
-        value: The value.
-        kind: MAV_PARAM_TYPE, as the vehicle told it.
-        bytewise: As for :func:`parameter_value`.
-    """
-    layout = _INTEGERS.get(kind) if bytewise else None
-    try:
-        if layout is None:
-            return _FLOAT.pack(value)
-        return layout.pack(int(value)) if value == int(value) else None
-    except (struct.error, ValueError, OverflowError):
-        return None
-
-
 # --- Sending ---------------------------------------------------------------------------
+
+
+def _fence_item(fence: UploadFence) -> object:
+    return mavlink.MAVLink_mission_item_int_message(
+        fence.sysid,
+        AUTOPILOT_COMPONENT,
+        seq=0,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        command=mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+        current=0,
+        autocontinue=1,
+        param1=fence.radius_m,
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        x=round(fence.lat_rad * _E7_PER_RAD),
+        y=round(fence.lon_rad * _E7_PER_RAD),
+        z=0.0,
+        mission_type=_FENCE,
+    )
 
 
 class Encoder:
@@ -508,13 +542,33 @@ class Encoder:
         )
 
     def param_set(self, target: int, name: str, raw: bytes, kind: int) -> bytes:
-        """PARAM_SET of a parameter; ``raw`` as :func:`parameter_bytes` gives it."""
-        (carrier,) = _FLOAT.unpack(raw)
+        """PARAM_SET of a parameter; ``raw`` holds the value's four bytes."""
+        (carrier,) = struct.unpack("<f", raw)
         return self._pack(
             mavlink.MAVLink_param_set_message(
                 target, AUTOPILOT_COMPONENT, name.encode("ascii"), carrier, kind
             )
         )
+
+    def plan(self, target: int, packet: PlanPacket) -> bytes:
+        """A message of the upload of a fence, or of its reading back."""
+        to = (target, AUTOPILOT_COMPONENT)
+        message: object
+        match packet:
+            case StartPlan():
+                message = mavlink.MAVLink_mission_count_message(*to, 1, _FENCE)
+            case SendItem(fence=fence):
+                message = _fence_item(fence)
+            case AskForPlan():
+                message = mavlink.MAVLink_mission_request_list_message(*to, _FENCE)
+            case AskForItem():
+                message = mavlink.MAVLink_mission_request_int_message(*to, 0, _FENCE)
+            case EndPlan():
+                accepted = mavlink.MAV_MISSION_ACCEPTED
+                message = mavlink.MAVLink_mission_ack_message(*to, accepted, _FENCE)
+            case _:
+                assert_never(packet)
+        return self._pack(message)
 
     def setpoint(self, goto: GoTo, now: float) -> bytes | None:
         """SET_POSITION_TARGET_GLOBAL_INT: altitude AMSL, position and velocity used.

@@ -15,6 +15,7 @@ from swarmctl.events import (
     HomePosition,
     LandedState,
     StatusText,
+    UploadFence,
     Vector,
     VehicleAttitude,
     VehicleClock,
@@ -43,6 +44,11 @@ class MessageId(IntEnum):
     GPS_RAW_INT = 24
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
+    MISSION_REQUEST = 40
+    MISSION_COUNT = 44
+    MISSION_ACK = 47
+    MISSION_REQUEST_INT = 51
+    MISSION_ITEM_INT = 73
     COMMAND_ACK = 77
     AUTOPILOT_VERSION = 148
     HOME_POSITION = 242
@@ -139,11 +145,60 @@ class ParameterFact(msgspec.Struct, frozen=True, gc=False):
     kind: int
 
 
+class FenceFact(msgspec.Struct, frozen=True, gc=False):
+    """A word of the vehicle about its geofence (mission type FENCE).
+
+    Attributes:
+        target_system: System id of the ground station that it is for; 0 for all.
+    """
+
+    target_system: int
+
+
+class FenceRequest(FenceFact, frozen=True, gc=False):
+    """MISSION_REQUEST or MISSION_REQUEST_INT: it asks for an item by its number."""
+
+    seq: int
+
+
+class FenceAck(FenceFact, frozen=True, gc=False):
+    """MISSION_ACK; ``result`` is MAV_MISSION_RESULT's name without its prefix."""
+
+    result: str
+
+
+class FenceCount(FenceFact, frozen=True, gc=False):
+    """MISSION_COUNT: how many items its fence has."""
+
+    count: int
+
+
+class FenceItem(FenceFact, frozen=True, gc=False):
+    """MISSION_ITEM_INT.
+
+    Attributes:
+        seq: Its number.
+        command: MAV_CMD.
+        is_circle_inclusion: Whether that is a circle to stay in.
+        radius_m: Radius of a circle, m.
+        lat_rad: Latitude of its centre, rad.
+        lon_rad: Longitude of its centre, rad.
+    """
+
+    seq: int
+    command: int
+    is_circle_inclusion: bool
+    radius_m: float
+    lat_rad: float
+    lon_rad: float
+
+
 Fact = (
     HeartbeatFact
     | PositionFact
     | CommandAck
     | ParameterFact
+    | FenceFact
     | GpsFix
     | HomePosition
     | LandedState
@@ -178,3 +233,29 @@ class Spelling(msgspec.Struct, frozen=True):
 
     name: str
     unit: float = 1.0
+
+
+class StartPlan(msgspec.Struct, frozen=True):
+    """MISSION_COUNT of a fence of one item."""
+
+
+class SendItem(msgspec.Struct, frozen=True):
+    """MISSION_ITEM_INT of a fence's only item."""
+
+    fence: UploadFence
+
+
+class AskForPlan(msgspec.Struct, frozen=True):
+    """MISSION_REQUEST_LIST of the fence."""
+
+
+class AskForItem(msgspec.Struct, frozen=True):
+    """MISSION_REQUEST_INT of the fence's first item."""
+
+
+class EndPlan(msgspec.Struct, frozen=True):
+    """MISSION_ACK: the fence has been read."""
+
+
+PlanPacket = StartPlan | SendItem | AskForPlan | AskForItem | EndPlan
+"""What is sent for the upload of a fence and its reading back."""

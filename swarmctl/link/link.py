@@ -20,6 +20,7 @@ from swarmctl.events import (
     ParameterValue,
     ReadParameter,
     StatusText,
+    UploadFence,
     VehicleClock,
     VehiclePosition,
     WriteParameter,
@@ -32,12 +33,14 @@ from swarmctl.link.facts import (
     CommandAck,
     Fact,
     Fault,
+    FenceFact,
     Frame,
     HeartbeatFact,
     MessageId,
     ParameterFact,
     PositionFact,
 )
+from swarmctl.link.fence import FenceExchange
 from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
 
@@ -64,10 +67,13 @@ class _Vehicle:
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
         self.parameters = ParameterExchange(sysid)
+        self.fence = FenceExchange(sysid)
 
     def next_timer(self) -> float:
         """When its exchanges are due."""
-        return min(self.exchange.next_timer(), self.parameters.next_timer())
+        return min(
+            self.exchange.next_timer(), self.parameters.next_timer(), self.fence.next_timer()
+        )
 
 
 class MavlinkLink:
@@ -155,6 +161,9 @@ class MavlinkLink:
         elif personality is None:
             detail = "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
             self._end(command, "refused", detail, now)
+        elif isinstance(command, UploadFence):
+            vehicle.fence.submit(command, now)
+            self._flush(vehicle, command.sysid, now)
         else:
             request = personality.request_for(command, vehicle.home_alt_amsl_m)
             if isinstance(request, str):
@@ -177,6 +186,7 @@ class MavlinkLink:
             if now >= vehicle.next_timer():
                 vehicle.exchange.handle_timer(now)
                 vehicle.parameters.handle_timer(now)
+                vehicle.fence.handle_timer(now)
                 self._flush(vehicle, sysid, now)
 
     def next_timer(self) -> float:
@@ -284,6 +294,9 @@ class MavlinkLink:
                 # Another ground station on the same network gets its answers, too.
                 if fact.target_system in {0, self._gcs_sysid}:
                     vehicle.exchange.on_ack(fact, now)
+            case FenceFact():
+                if fact.target_system in {0, self._gcs_sysid}:
+                    vehicle.fence.on_fact(fact, now)
             case ParameterFact():
                 if vehicle.personality is not None:
                     bytewise = vehicle.personality.BYTEWISE_PARAMETERS
@@ -347,6 +360,9 @@ class MavlinkLink:
                 frame = vehicle.encoder.param_set(sysid, packet.name, packet.raw, packet.kind)
             self._transmit(frame, vehicle.address, now)
         self._events.extend(vehicle.parameters.values())
+        for plan_packet in vehicle.fence.packets():
+            self._transmit(vehicle.encoder.plan(sysid, plan_packet), vehicle.address, now)
+        self._events.extend(vehicle.fence.outcomes())
 
     def _parameter(
         self, command: ReadParameter | WriteParameter, vehicle: _Vehicle | None, now: float

@@ -8,12 +8,12 @@ is the vehicle's. A write counts when the vehicle has told the new value back.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Sequence
 
 import msgspec
 
 from swarmctl.events import ParameterValue
-from swarmctl.link import codec
 from swarmctl.link.facts import ParameterFact, Spelling
 
 ANSWER_TIMEOUT_S = 1.0
@@ -22,6 +22,53 @@ TRIES = 4
 """Tries before a parameter counts as unknown to the vehicle, or a write as refused."""
 TOLERANCE = 1e-6
 """Relative difference between a value and its copy that went through a 32-bit float."""
+
+_MAX_PARAMETER_NAME = 16
+_INTEGERS = {
+    1: struct.Struct("<Bxxx"),
+    2: struct.Struct("<bxxx"),
+    3: struct.Struct("<Hxx"),
+    4: struct.Struct("<hxx"),
+    5: struct.Struct("<I"),
+    6: struct.Struct("<i"),
+}
+"""Layout of each integer's MAV_PARAM_TYPE."""
+_FLOAT = struct.Struct("<f")
+
+
+def is_parameter_name(name: str) -> bool:
+    """Whether a parameter can have this name."""
+    return name.isascii() and 0 < len(name) <= _MAX_PARAMETER_NAME
+
+
+def parameter_value(fact: ParameterFact, *, bytewise: bool) -> float:
+    """The value of a PARAM_VALUE.
+
+    Args:
+        fact: What came.
+        bytewise: Whether integers travel as their bytes
+            (https://mavlink.io/en/services/parameter.html#parameter-encoding).
+    """
+    layout = _INTEGERS.get(fact.kind, _FLOAT) if bytewise else _FLOAT
+    (value,) = layout.unpack(fact.raw)
+    return float(value)
+
+
+def parameter_bytes(value: float, kind: int, *, bytewise: bool) -> bytes | None:
+    """The four bytes in which a value is set; None if they cannot hold it.
+
+    Args:
+        value: The value.
+        kind: MAV_PARAM_TYPE, as the vehicle told it.
+        bytewise: As for :func:`parameter_value`.
+    """
+    layout = _INTEGERS.get(kind) if bytewise else None
+    try:
+        if layout is None:
+            return _FLOAT.pack(value)
+        return layout.pack(int(value)) if value == int(value) else None
+    except (struct.error, ValueError, OverflowError):
+        return None
 
 
 class ReadPacket(msgspec.Struct, frozen=True):
@@ -85,7 +132,7 @@ class ParameterExchange:
             wanted: The value to write; None to read.
             now: Monotonic time, s.
         """
-        usable = [s for s in spellings if codec.is_parameter_name(s.name)]
+        usable = [s for s in spellings if is_parameter_name(s.name)]
         job = _Job(parameter, usable, wanted, now)
         if not usable:
             self._end(job, now)
@@ -109,7 +156,7 @@ class ParameterExchange:
             spelling = next((s for s in job.spellings if s.name == fact.name), None)
             if spelling is None:
                 continue
-            own_value = codec.parameter_value(fact, bytewise=bytewise)
+            own_value = parameter_value(fact, bytewise=bytewise)
             job.heard = ParameterValue(
                 received_s=now,
                 sysid=self._sysid,
@@ -122,9 +169,7 @@ class ParameterExchange:
                 self._end(job, now)
             elif job.set_packet is None:
                 # The type on the wire must be the vehicle's, and it has just told it.
-                raw = codec.parameter_bytes(
-                    job.wanted / spelling.unit, fact.kind, bytewise=bytewise
-                )
+                raw = parameter_bytes(job.wanted / spelling.unit, fact.kind, bytewise=bytewise)
                 if raw is None:
                     self._end(job, now)
                 else:

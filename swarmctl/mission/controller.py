@@ -434,6 +434,7 @@ class Controller:
                 if vehicle is not None and vehicle.position_enu is not None:
                     self.observer.position(event, vehicle.position_enu)
             case CommandOutcome():
+                self._preflight.outcome(event)
                 if self._launch is not None and self.phase is Phase.LAUNCHING:
                     self._commands += self._launch.outcome(event, now)
                 if event.result != "accepted":

@@ -122,6 +122,9 @@ class Limits(Section):
         max_acceleration_mps2: Greatest acceleration commanded.
         ceiling_amsl_m: Greatest altitude.
         geofence_radius_m: Greatest horizontal distance from the origin.
+        upload_geofence: Whether every vehicle is given a fence of its own before take-off, a
+            circle round the origin some metres wider, in place of any it had. What it does at
+            the fence is for its own parameters to say.
         battery_reserve: The swarm returns when any battery is below this fraction.
     """
 
@@ -133,6 +136,7 @@ class Limits(Section):
     max_acceleration_mps2: Positive = 2.0
     ceiling_amsl_m: Altitude
     geofence_radius_m: Positive
+    upload_geofence: bool = False
     battery_reserve: Annotated[float, Field(ge=0.0, le=0.9)] = 0.25
 
 

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.events import Command, RequestHome, RequestVersion, StreamTelemetry
+from swarmctl.events import (
+    Command,
+    CommandOutcome,
+    RequestHome,
+    RequestVersion,
+    StreamTelemetry,
+    UploadFence,
+)
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 from swarmctl.mission.settings import Settings
@@ -21,6 +28,11 @@ CHECK_TIMEOUT_S = 60.0
 """A check that has not passed this long after the last vehicle was heard has failed."""
 ASK_AGAIN_S = 5.0
 """Telemetry that does not come is asked for again after this long."""
+
+FENCE_MARGIN_M = 30.0
+"""The fence of a vehicle is this much wider than the mission's, which bounds what is planned."""
+FENCE_AGAIN_S = 15.0
+"""A fence that was not taken is uploaded again after this long."""
 
 CLOCK_SPAN_S = 3.0
 """SYSTEM_TIME is watched for this long before the clocks' rates are compared."""
@@ -157,6 +169,8 @@ class Preflight:
         self._since = now
         self._heard_since: float | None = None
         self._asked_at: dict[int, float] = {}
+        self._fence_at: dict[int, float] = {}
+        self._fence: dict[int, CommandOutcome] = {}
         self.settings = Settings(mission, fleet)
         self.failure: Failure | None = None
         self.complete = False
@@ -192,6 +206,8 @@ class Preflight:
         ]
         # Nothing is set on vehicles that could not fly anyway.
         commands += self.settings.step(now, may_set=not unready)
+        if not unready:
+            commands += self._upload_fences(now)
         unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         if not self.all_heard:
             if now - self._since > ANSWER_TIMEOUT_S:
@@ -210,7 +226,36 @@ class Preflight:
         return commands
 
     def _unmet(self, vehicle: VehicleState) -> list[str]:
-        return unmet_checks(vehicle, self._mission) + self.settings.unmet(vehicle)
+        unmet = unmet_checks(vehicle, self._mission) + self.settings.unmet(vehicle)
+        if self._mission.limits.upload_geofence and not self._is_fenced(vehicle):
+            outcome = self._fence.get(vehicle.sysid)
+            said = "" if outcome is None else f" ({outcome.detail})"
+            unmet.append(f"it has not taken the geofence{said}")
+        return unmet
+
+    def outcome(self, event: CommandOutcome) -> None:
+        """Take the end of a command's exchange."""
+        if event.command == "UploadFence":
+            self._fence[event.sysid] = event
+
+    def _is_fenced(self, vehicle: VehicleState) -> bool:
+        outcome = self._fence.get(vehicle.sysid)
+        return outcome is not None and outcome.result == "accepted"
+
+    def _upload_fences(self, now: float) -> list[Command]:
+        if not self._mission.limits.upload_geofence:
+            return []
+        lat, lon, _ = self._mission.origin.geodetic
+        radius = self._mission.limits.geofence_radius_m + FENCE_MARGIN_M
+        commands: list[Command] = []
+        for vehicle in self._fleet.vehicles.values():
+            again = self._fence_at.get(vehicle.sysid, -FENCE_AGAIN_S) + FENCE_AGAIN_S
+            if now >= again and not self._is_fenced(vehicle):
+                self._fence_at[vehicle.sysid] = now
+                commands.append(
+                    UploadFence(sysid=vehicle.sysid, lat_rad=lat, lon_rad=lon, radius_m=radius)
+                )
+        return commands
 
     def _ask(self, sysid: int, now: float) -> list[Command]:
         if now < self._asked_at.get(sysid, -ASK_AGAIN_S) + ASK_AGAIN_S:

@@ -7,7 +7,16 @@ from typing import Literal
 
 import pytest
 
-from swarmctl.events import Arm, GoTo, MissionEnded, Mode, Notice, SetMode, TakeOff
+from swarmctl.events import (
+    Arm,
+    GoTo,
+    MissionEnded,
+    Mode,
+    Notice,
+    OperatorRequest,
+    SetMode,
+    TakeOff,
+)
 from swarmctl.mission.custody import RESUME_S
 from swarmctl.mission.loading import parse_mission
 from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight
@@ -152,6 +161,17 @@ def test_a_failure_in_the_climb_brings_those_that_climb_home_and_launches_nobody
     assert not first.failsafe
     assert math.dist(first.position, first.home) < 3.0
     assert all(flight.fleet.vehicles[s].position[2] == 0.0 for s in (2, 3, 4))
+
+
+def test_a_vehicle_that_has_just_left_the_ground_is_brought_home_too(flight: Flight) -> None:
+    vehicle = flight.fleet.vehicles[1]
+    while not 0.0 < vehicle.position[2] < 2.0:
+        flight.step()
+    flight.receive(OperatorRequest(received_s=flight.now, request="return_home"))
+    flight.run("ended")
+    assert not vehicle.failsafe
+    assert not vehicle.armed
+    assert ended(flight).result == "cancelled"
 
 
 @pytest.mark.parametrize(

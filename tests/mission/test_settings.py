@@ -15,6 +15,7 @@ from swarmctl.events import (
     WriteParameter,
 )
 from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.settings import Settings
 from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE, Flight
 from tests.missions import short_mission_text
 
@@ -154,6 +155,17 @@ def test_a_vehicle_that_does_not_take_a_value_is_not_flown() -> None:
     assert refused.fleet.vehicles[2].parameters == UNSAFE
 
 
+@pytest.mark.parametrize("consent", [True, False])
+def test_nothing_is_set_or_judged_on_vehicles_that_cannot_fly_anyway(consent: bool) -> None:
+    refused = flight(set_failsafes=consent)
+    refused.fleet.vehicles[2].parameters = UNSAFE.copy()
+    refused.fleet.vehicles[3].prearm_ok = False
+    refused.run("ended")
+    assert ended(refused).result == "not_ready"
+    assert ended(refused).detail == ("vehicle 3: its own pre-arm checks do not pass (SYS_STATUS)")
+    assert writes(refused) == []
+
+
 def test_a_parameter_that_is_not_told_is_asked_for_again_and_then_named() -> None:
     refused = flight(set_failsafes=True)
     del refused.fleet.vehicles[2].parameters["MAV_GCS_SYSID"]
@@ -175,6 +187,38 @@ def test_vehicles_that_tell_no_parameter_at_all_are_flown_with_a_warning() -> No
         "vehicles 2, 4 answered no question for parameters: nobody knows what they do when the"
         " ground station is lost"
     ]
+
+
+def told(sysid: int, parameter: str, value: float, received_s: float) -> ParameterValue:
+    return ParameterValue(
+        received_s=received_s, sysid=sysid, parameter=parameter, value=value, own_name=parameter
+    )
+
+
+def test_a_value_the_vehicle_made_of_ours_is_not_taken_for_its_own() -> None:
+    flown = flight(set_failsafes=True)
+    flown.run("launching")  # everything is known and safe
+    fleet = flown.controller.fleet
+    settings = Settings(flown.controller.mission, fleet)
+    fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 100.0))
+    assert len(settings.step(100.0, may_set=True)) == 1
+    fleet.observe(told(3, "FS_GCS_ENABLE", 3.0, 101.0))
+    assert len(settings.step(110.0, may_set=True)) == 1
+    (write,) = settings.restore(120.0)
+    assert write == WriteParameter(sysid=3, parameter="FS_GCS_ENABLE", value=0.0)
+
+
+def test_what_was_told_before_the_old_value_was_sent_does_not_end_the_restoring() -> None:
+    flown = flight(set_failsafes=True)
+    flown.run("launching")
+    fleet = flown.controller.fleet
+    settings = Settings(flown.controller.mission, fleet)
+    fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 100.0))
+    settings.step(100.0, may_set=True)  # on its way, and not yet answered
+    settings.restore(100.5)
+    assert not settings.is_restored(100.5)
+    fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 101.0))
+    assert settings.is_restored(101.0)
 
 
 def test_px4_is_asked_for_its_own_parameters() -> None:

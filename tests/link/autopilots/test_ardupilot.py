@@ -19,10 +19,14 @@ from swarmctl.events import (
     SetMode,
     StreamTelemetry,
     TakeOff,
+    UploadFence,
     WriteParameter,
 )
 from swarmctl.link.autopilots import ardupilot
 from swarmctl.link.exchange import Request, State
+
+ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}
+"""Commands that are asked for in the same way of every autopilot."""
 
 
 def request(command: Command, home_alt_amsl_m: float | None = None) -> Request:
@@ -178,7 +182,7 @@ def test_every_command_of_the_vocabulary_but_the_setpoint_can_be_asked_for() -> 
         StreamTelemetry: StreamTelemetry(sysid=1, position_hz=5.0),
         TakeOff: TakeOff(sysid=1, alt_amsl_m=60.0),
     }
-    for kind in set(Command.__subclasses__()) - {GoTo, ReadParameter, WriteParameter}:
+    for kind in set(Command.__subclasses__()) - ELSEWHERE:
         request(examples.get(kind) or kind(sysid=1), 50.0)
 
 
