@@ -32,7 +32,9 @@ ANSWER_TIMEOUT_S = 1.0
 TRIES = 4
 """Tries of one step."""
 UPLOAD_TIMEOUT_S = 10.0
-"""Wait for the end of an upload, which a vehicle gives up itself after 8 s at the latest."""
+"""Limit of an upload, which a vehicle gives up itself after 8 s at the latest."""
+QUIET_S = 3.0
+"""A vehicle that has not asked for so long has the item, or is gone: reading back tells which."""
 POSITION_TOLERANCE_RAD = 2e-9
 """Two units on the wire, about a centimetre."""
 RADIUS_TOLERANCE_M = 0.5
@@ -83,7 +85,7 @@ class FenceExchange:
         match fact:
             case FenceRequest() if self._stage is _Stage.UPLOAD:
                 self._asked_for = True
-                self._due_s = self._give_up_s
+                self._due_s = min(now + QUIET_S, self._give_up_s)
                 if fact.seq == 0:
                     self._packets.append(SendItem(self._fence))
             case FenceAck() if self._stage is _Stage.UPLOAD:
@@ -111,14 +113,16 @@ class FenceExchange:
         """Ask again or give up, if :meth:`next_timer` is due."""
         if now < self._due_s:
             return
-        if self._asked_for or self._tries >= TRIES:
-            what = {
-                _Stage.UPLOAD: "the end of the upload" if self._asked_for else "MISSION_COUNT",
-                _Stage.COUNT: "MISSION_REQUEST_LIST",
-            }.get(self._stage, "MISSION_REQUEST_INT")
-            self._finish("no_answer", f"no answer to {what}", now)
-        else:
+        if self._asked_for and now < self._give_up_s:
+            self._ask(_Stage.COUNT, AskForPlan(), now)
+        elif self._asked_for:
+            self._finish("no_answer", "it asks for the fence again and again", now)
+        elif self._tries < TRIES:
             self._try(now)
+        else:
+            what = {_Stage.UPLOAD: "MISSION_COUNT", _Stage.COUNT: "MISSION_REQUEST_LIST"}
+            answered = what.get(self._stage, "MISSION_REQUEST_INT")
+            self._finish("no_answer", f"no answer to {answered}", now)
 
     def next_timer(self) -> float:
         """When :meth:`handle_timer` is due; infinity for never."""

@@ -9,7 +9,7 @@ from swarmctl.mission.model import Mission
 
 ASK_AGAIN_S = 6.0
 """What is not known or not set this long after it was asked for is asked for again."""
-RESTORE_TIMEOUT_S = 10.0
+RESTORE_TIMEOUT_S = 20.0
 """A vehicle that has not taken its old values this long is left with the new ones."""
 
 
@@ -135,14 +135,15 @@ class Settings:
 
     def restore(self, now: float) -> list[Command]:
         """Give every vehicle its own values back; call until :meth:`is_restored`."""
-        if self._restoring_since is not None:
-            return []
-        self._restoring_since = now
-        return [
-            WriteParameter(sysid=sysid, parameter=name, value=was.value)
-            for (sysid, name), was in self.changed.items()
-            if was.value is not None
-        ]
+        if self._restoring_since is None:
+            self._restoring_since = now
+            self._asked_at.clear()
+        commands: list[Command] = []
+        for (sysid, name), was in self.changed.items():
+            left = self._is_left(sysid, name)
+            if left and was.value is not None and self._is_due(sysid, name, now):
+                commands.append(WriteParameter(sysid=sysid, parameter=name, value=was.value))
+        return commands
 
     def is_restored(self, now: float) -> bool:
         """Whether nothing is left to restore, or to wait for."""
@@ -151,14 +152,18 @@ class Settings:
 
     def left_behind(self) -> list[str]:
         """Parameters that are not what they were before the flight, for a person."""
+        return [
+            f"{was.own_name} of vehicle {sysid}, which was {_own(was):g}"
+            for (sysid, name), was in self.changed.items()
+            if self._is_left(sysid, name)
+        ]
+
+    def _is_left(self, sysid: int, name: str) -> bool:
+        # What was told before the old value was sent says nothing of it.
         since = self._restoring_since
-        parts = []
-        for (sysid, name), was in self.changed.items():
-            told = self._fleet.vehicles[sysid].parameters[name]
-            # What was told before the old value was sent says nothing of it.
-            if since is None or told.received_s < since or told.value != was.value:
-                parts.append(f"{was.own_name} of vehicle {sysid}, which was {_own(was):g}")
-        return parts
+        told = self._fleet.vehicles[sysid].parameters[name]
+        was = self.changed[sysid, name]
+        return since is None or told.received_s < since or told.value != was.value
 
     def _is_due(self, sysid: int, name: str, now: float) -> bool:
         asked = self._asked_at.get((sysid, name))

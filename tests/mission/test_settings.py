@@ -145,6 +145,20 @@ def test_what_could_not_be_restored_is_named() -> None:
     assert vehicle.parameters["MAV_GCS_SYSID"] == 255.0
 
 
+def test_the_restoring_is_tried_again() -> None:
+    flown = flight(set_failsafes=True)
+    vehicle = flown.fleet.vehicles[3]
+    vehicle.parameters = UNSAFE.copy()
+    flown.run("landing")
+    vehicle.ignores = frozenset({"FS_GCS_ENABLE"})
+    while len(writes(flown)) < 4:
+        flown.step()
+    vehicle.ignores = frozenset()
+    flown.run("ended")
+    assert texts(flown, "error") == []
+    assert vehicle.parameters == UNSAFE
+
+
 def test_a_vehicle_that_does_not_take_a_value_is_not_flown() -> None:
     refused = flight(set_failsafes=True)
     refused.fleet.vehicles[2].parameters = UNSAFE.copy()
