@@ -15,6 +15,10 @@ RETURN_ALTITUDE = {"ardupilot": "RTL_ALT_M", "px4": "RTL_RETURN_ALT"}
 """The parameter with the least altitude above home of a return, m, by autopilot."""
 
 
+OPTIONAL = frozenset({"FS_GCS_TIMEOUT"})
+"""Parameters that older firmware does not have; what it has instead is right."""
+
+
 @dataclass(frozen=True)
 class Craft:
     """A vehicle whose failsafes are judged.
@@ -24,7 +28,7 @@ class Craft:
         autopilot: ``ardupilot`` or ``px4``.
         altitude_amsl_m: The altitude the mission gives it, m.
         home_amsl_m: Altitude of its home, m.
-        values: All of :func:`parameters_of` its autopilot.
+        values: All of :func:`parameters_of` its autopilot; of :data:`OPTIONAL` those it has.
     """
 
     sysid: int
@@ -76,6 +80,13 @@ def _rules(autopilot: str, gcs_sysid: int) -> tuple[_Rule, ...]:
                 lambda value: value == 1.0,
                 1.0,
                 "it returns home when its ground station falls silent",
+            ),
+            # At 1 Hz, a radio that loses one heartbeat in five loses five in a row every hour.
+            _Rule(
+                "FS_GCS_TIMEOUT",
+                lambda value: 10.0 <= value <= 60.0,
+                10.0,
+                "a lossy radio is no lost ground station",
             ),
             _Rule(
                 "MAV_GCS_SYSID",
@@ -131,7 +142,7 @@ def unsafe(
         Unsafe(craft.sysid, rule.parameter, craft.values[rule.parameter], rule.right, rule.why)
         for craft in crafts
         for rule in _rules(craft.autopilot, gcs_sysid)
-        if not rule.is_safe(craft.values[rule.parameter])
+        if rule.parameter in craft.values and not rule.is_safe(craft.values[rule.parameter])
     ]
     levels = sorted(craft.return_amsl_m for craft in crafts)
     is_apart = all(high - low >= separation_m for low, high in itertools.pairwise(levels))

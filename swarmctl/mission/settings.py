@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
-from swarmctl.mission.failsafes import Craft, Unsafe, parameters_of, unsafe
+from swarmctl.mission.failsafes import OPTIONAL, Craft, Unsafe, parameters_of, unsafe
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 
@@ -187,7 +187,8 @@ def missing(vehicle: VehicleState) -> list[str]:
     if vehicle.heartbeat is None:
         return []
     names = parameters_of(vehicle.heartbeat.autopilot)
-    return [name for name in names if name not in vehicle.known_parameters]
+    known = vehicle.known_parameters.keys() | (OPTIONAL & vehicle.parameters.keys())
+    return [name for name in names if name not in known]
 
 
 def is_mute(vehicle: VehicleState) -> bool:

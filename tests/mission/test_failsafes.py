@@ -8,7 +8,12 @@ import pytest
 
 from swarmctl.mission.failsafes import Craft, parameters_of, unsafe
 
-COPTER = {"FS_GCS_ENABLE": 1.0, "MAV_GCS_SYSID": 245.0, "RTL_ALT_M": 15.0}
+COPTER = {
+    "FS_GCS_ENABLE": 1.0,
+    "FS_GCS_TIMEOUT": 10.0,
+    "MAV_GCS_SYSID": 245.0,
+    "RTL_ALT_M": 15.0,
+}
 PX4 = {"NAV_DLL_ACT": 2.0, "COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 1.0, "RTL_RETURN_ALT": 30.0}
 GROUND_M = 50.0
 
@@ -38,6 +43,9 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
         (COPTER, "FS_GCS_ENABLE", 3.0, 1.0),  # SmartRTL: along its own path
         (COPTER, "FS_GCS_ENABLE", 5.0, 1.0),  # lands where it is
         (COPTER, "FS_GCS_ENABLE", math.nan, 1.0),
+        (COPTER, "FS_GCS_TIMEOUT", 60.0, None),
+        (COPTER, "FS_GCS_TIMEOUT", 5.0, 10.0),  # five lost heartbeats
+        (COPTER, "FS_GCS_TIMEOUT", 120.0, 10.0),
         (COPTER, "MAV_GCS_SYSID", 245.0, None),
         (COPTER, "MAV_GCS_SYSID", 255.0, 245.0),  # QGroundControl's silence
         (PX4, "NAV_DLL_ACT", 2.0, None),
@@ -91,6 +99,11 @@ def test_returns_are_apart_and_below_the_ceiling(
     ]
     expected = [(sysid, name, right) for sysid, right in zip((1, 2), rights, strict=True) if right]
     assert judged(*crafts) == expected
+
+
+def test_firmware_without_a_timeout_parameter_is_not_judged_by_it() -> None:
+    values = {name: value for name, value in COPTER.items() if name != "FS_GCS_TIMEOUT"}
+    assert judged(craft(1, 40.0, values)) == []
 
 
 def test_what_is_right_is_judged_right() -> None:

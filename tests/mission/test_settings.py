@@ -192,6 +192,13 @@ def test_a_parameter_that_is_not_told_is_asked_for_again_and_then_named() -> Non
     heard.run("launching")
 
 
+def test_a_parameter_that_older_firmware_does_not_have_is_not_missed() -> None:
+    flown = flight(set_failsafes=False)
+    assert flown.fleet.vehicles[2].parameters.pop("FS_GCS_TIMEOUT")
+    flown.run("launching")
+    assert texts(flown, "warning") == []
+
+
 def test_vehicles_that_tell_no_parameter_at_all_are_flown_with_a_warning() -> None:
     flown = flight(set_failsafes=False)
     for sysid in (2, 4):

@@ -43,6 +43,9 @@ ONE_OF_EACH: tuple[Record, ...] = (
     events.LandedState(received_s=1.0, sysid=3, state="in_air"),
     events.StatusText(received_s=1.0, sysid=3, severity=4, text="Größe, \"quoted\""),
     events.CommandOutcome(received_s=1.0, sysid=3, command="Arm", result="accepted", detail="-"),
+    events.ParameterValue(
+        received_s=1.0, sysid=3, parameter="RTL_ALT_M", value=None, own_name="RTL_ALT_M",
+    ),
     events.LinkQuality(received_s=1.0, sysid=3, messages_in=100, lost=1, rate_hz=20.0),
     events.InputRejected(received_s=1.0, source="feed", kind="not_json", detail="Bytes."),
     events.RangeDifferences(
@@ -59,6 +62,9 @@ ONE_OF_EACH: tuple[Record, ...] = (
     events.RequestHome(sysid=3),
     events.RequestVersion(sysid=3),
     events.StreamTelemetry(sysid=3, position_hz=10.0),
+    events.ReadParameter(sysid=3, parameter="RTL_ALT_M"),
+    events.WriteParameter(sysid=3, parameter="RTL_ALT_M", value=40.0),
+    events.UploadFence(sysid=3, lat_rad=0.9, lon_rad=0.1, radius_m=4030.0),
     events.SetMode(sysid=3, mode=events.Mode.RETURN),
     events.Arm(sysid=3),
     events.Disarm(sysid=3),

@@ -127,9 +127,10 @@ def after_controller_stops(mode: Mode, armed: bool, parameters: Mapping[str, flo
         return "stays where it is with its motors off"
     match mode:
         case Mode.GUIDED if parameters.get("FS_GCS_ENABLE") == 1.0:
+            wait_s = parameters.get("FS_GCS_TIMEOUT", 5.0)
             return (
-                "brakes about 3 s after the last setpoint and returns to its own home about 5 s "
-                "after the last heartbeat of its ground station"
+                "brakes about 3 s after the last setpoint and returns to its own home about "
+                f"{wait_s:g} s after the last heartbeat of its ground station"
             )
         case Mode.GUIDED:
             return (

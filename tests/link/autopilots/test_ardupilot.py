@@ -206,6 +206,8 @@ def test_with_its_failsafe_set_it_returns_after_the_controller_stops() -> None:
     does = ardupilot.after_controller_stops(Mode.GUIDED, True, {"FS_GCS_ENABLE": 1.0})
     assert "returns to its own home about 5 s after the last heartbeat" in does
     assert "hovers" not in does
+    told = {"FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 12.0}
+    assert "about 12 s after" in ardupilot.after_controller_stops(Mode.GUIDED, True, told)
 
 
 @pytest.mark.parametrize(
