@@ -6,8 +6,10 @@ Units SI and radians; altitudes AMSL; wind and drift as the velocity of the air 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 Vector = tuple[float, float, float]
+Publication = Literal["range_differences", "arrival_times"]
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ class ReceiverConfig:
         rate_hz: Epochs a second.
         sigma_m: 1-sigma of a range difference, m.
         rho: Share of the variance that the reference receiver contributes.
-        delay_s: Time from an epoch to the publication of its range differences.
+        publish: What is published: range differences against the reference, or every receiver's
+            arrival times. The errors are the same.
+        delay_s: Time from an epoch to the publication of its measurements.
         minimum_altitude_m: A receiver lower than this above its launch point hears nothing.
     """
 
@@ -93,6 +97,7 @@ class ReceiverConfig:
     rate_hz: float = 10.0
     sigma_m: float = 3.0
     rho: float = 0.5
+    publish: Publication = "range_differences"
     delay_s: float = 0.05
     minimum_altitude_m: float = 5.0
 

@@ -113,8 +113,8 @@ async def serve(
 ) -> None:
     """Simulate by the wall clock until told to stop.
 
-    Every vehicle has a UDP socket of its own that talks to the controller alone; range
-    differences and truth are published at QoS 0.
+    Every vehicle has a UDP socket of its own that talks to the controller alone; measurements
+    and truth are published at QoS 0.
 
     Args:
         config: The simulation.

@@ -15,7 +15,7 @@ from sim.errors import SimError
 from sim.navigation import PositionError
 from sim.noise import GaussMarkov, Normals, generator
 from sim.receivers import Receivers
-from swarmctl.feed.schema import TruthMessage, tdoa_topic, truth_topic
+from swarmctl.feed.schema import TruthMessage, tdoa_topic, toa_topic, truth_topic
 from swarmctl.frames import LocalFrame, Vector
 
 STEP_HZ = 50
@@ -129,11 +129,11 @@ class World:
         self._steps_per_epoch = STEP_HZ / config.receivers.rate_hz
         self._epochs = 0
         self._delay_steps = math.ceil(config.receivers.delay_s * STEP_HZ - _EARLY_STEPS)
-        self._topics = tdoa_topic(config.swarm), truth_topic(config.swarm)
+        self._truth_topic = truth_topic(config.swarm)
         self._encode = msgspec.json.Encoder().encode
         self._steps = 0
         self._time_s = 0.0
-        self._delayed: deque[tuple[int, bytes]] = deque()
+        self._delayed: deque[tuple[int, list[tuple[str, bytes]]]] = deque()
         self._datagrams: list[tuple[int, bytes]] = []
         self._publications: list[tuple[str, bytes]] = []
 
@@ -195,19 +195,17 @@ class World:
             self._datagrams.extend((sysid, datagram) for datagram in datagrams)
 
     def _publish(self, now_s: float) -> None:
-        tdoa, truth = self._topics
         # An epoch is the first step at or after its due time: positions are then exact.
         if self._steps + _EARLY_STEPS >= (self._epochs + 1) * self._steps_per_epoch:
             self._epochs += 1
-            payload = self._measure(now_s)
-            if payload is not None:
-                self._delayed.append((self._steps + self._delay_steps, payload))
+            self._delayed.append((self._steps + self._delay_steps, self._measure(now_s)))
         while self._delayed and self._delayed[0][0] <= self._steps:
-            self._publications.append((tdoa, self._delayed.popleft()[1]))
+            self._publications += self._delayed.popleft()[1]
         if self._steps % TRUTH_STEPS == 0:
-            self._publications.append((truth, self._encode(self._truth(now_s))))
+            self._publications.append((self._truth_topic, self._encode(self._truth(now_s))))
 
-    def _measure(self, now_s: float) -> bytes | None:
+    def _measure(self, now_s: float) -> list[tuple[str, bytes]]:
+        """What the receivers publish of one burst."""
         floor_m = self._config.receivers.minimum_altitude_m
         hearing = {
             sysid: vehicle.state.position_enu
@@ -215,10 +213,13 @@ class World:
             if vehicle.on_air(now_s)
             and vehicle.state.position_enu[2] - vehicle.ground_up_m() > floor_m
         }
-        messages = self._receivers.measure(
-            self._emitter.state.position_enu, hearing, self._config.utc_start_s + now_s
-        )
-        return self._encode(messages) if messages else None
+        emitter, swarm = self._emitter.state.position_enu, self._config.swarm
+        epoch_utc_s = self._config.utc_start_s + now_s
+        if self._config.receivers.publish == "arrival_times":
+            arrivals = self._receivers.arrivals(emitter, hearing, epoch_utc_s)
+            return [(toa_topic(swarm, m.receiver), self._encode(m)) for m in arrivals]
+        messages = self._receivers.measure(emitter, hearing, epoch_utc_s)
+        return [(tdoa_topic(swarm), self._encode(messages))] if messages else []
 
     def _truth(self, now_s: float) -> TruthMessage:
         state = self._emitter.state

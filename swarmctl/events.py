@@ -264,6 +264,28 @@ class RangeDifferences(Observation, frozen=True):
     seq: int
 
 
+class ArrivalTime(Observation, frozen=True):
+    """When one receiver heard one burst: ``toa_s + toa_frac_s``, UTC.
+
+    Attributes:
+        receiver: System id of the UAV that carries the receiver.
+        toa_s: Whole seconds of UTC.
+        toa_frac_s: The rest, 0 <= toa_frac_s < 1.
+        burst: Number of the burst, the same at every receiver.
+        sigma_s: 1-sigma of this arrival time's own error, s.
+        clock_sigma_s: 1-sigma of the receivers' clock synchronisation, s.
+        seq: Sequence number of the message.
+    """
+
+    receiver: int
+    toa_s: int
+    toa_frac_s: float
+    burst: int
+    sigma_s: float
+    clock_sigma_s: float
+    seq: int
+
+
 class FeedConnection(Observation, frozen=True):
     """The broker was lost (``connected`` false) or is back."""
 
@@ -299,15 +321,19 @@ class Command(Record, frozen=True):
     sysid: int
 
 
-class RequestHome(Command, frozen=True):
+class Inquiry(Command, frozen=True):
+    """A command that only asks for information: it changes nothing about the flight."""
+
+
+class RequestHome(Inquiry, frozen=True):
     """Ask for HOME_POSITION once; acknowledged."""
 
 
-class RequestVersion(Command, frozen=True):
+class RequestVersion(Inquiry, frozen=True):
     """Ask for AUTOPILOT_VERSION once; acknowledged."""
 
 
-class StreamTelemetry(Command, frozen=True):
+class StreamTelemetry(Inquiry, frozen=True):
     """Ask for the telemetry the controller needs: every interval acknowledged, one outcome.
 
     Attributes:
@@ -442,6 +468,7 @@ class Slot(msgspec.Struct, frozen=True):
             without a recent position.
         range_to_reference_m: 3-D distance of the vehicle from the reference UAV; None without
             recent positions, and for the reference itself.
+        joined: Whether it is in the formation: neither lost nor on its way back.
     """
 
     sysid: int
@@ -449,17 +476,20 @@ class Slot(msgspec.Struct, frozen=True):
     velocity_enu: Vector
     error_m: float | None
     range_to_reference_m: float | None
+    joined: bool
 
 
 class Plan(Decision, frozen=True):
     """The formation as commanded in one control period.
 
     Attributes:
+        reference: System id of the reference UAV.
         los_rad: LOS angle the formation is drawn against, rad from East.
         formed: Whether every follower has reached its slot since forming up began.
         slots: One entry per vehicle, the reference included.
     """
 
+    reference: int
     los_rad: float
     formed: bool
     slots: tuple[Slot, ...]

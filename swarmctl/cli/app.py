@@ -140,6 +140,13 @@ def run(
     speedup: SpeedupOption = 1.0,
     out: OutOption = None,
     broker: BrokerOption = None,
+    shadow: Annotated[
+        bool,
+        typer.Option(
+            "--shadow",
+            help="Compute and record every command but send none: others fly the vehicles.",
+        ),
+    ] = False,
 ) -> None:
     """Fly a mission with whatever vehicles answer on its link."""
     from swarmctl.ops.live import fly  # noqa: PLC0415 - keeps `--help` quick
@@ -154,6 +161,7 @@ def run(
                 out,
                 broker=broker,
                 speedup=speedup,
+                shadow=shadow,
                 on_snapshot=reporter.snapshot,
                 on_notice=reporter.notice,
                 snapshot_every_s=reporter.every_s,

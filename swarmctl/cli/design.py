@@ -131,10 +131,15 @@ def _print(found: DesignReport, objective: ObjectiveName) -> None:
             str(j), f"{math.degrees(theta):.1f}", f"{d:.1f}", f"{along:.1f}", f"{cross:.1f}"
         )
     console.print(slots)
-    console.print(
-        f"1-sigma after {found.time_s:g} s at {found.rate_hz:g} Hz: {found.sigma_along_m:.3g} m"
-        f" along the line of sight, {found.sigma_cross_m:.3g} m across."
-    )
+    if math.isfinite(found.sigma_along_m):
+        console.print(
+            f"1-sigma after {found.time_s:g} s at {found.rate_hz:g} Hz: {found.sigma_along_m:.3g} m"
+            f" along the line of sight, {found.sigma_cross_m:.3g} m across."
+        )
+    else:
+        console.print("From one place these range differences do not tell where the emitter is.")
+    if math.isnan(found.compared["optimal"]):
+        return
     console.print(f"\n{objective.value} of each design, over that of optimal:")
     compared = Table(box=box.SIMPLE, pad_edge=False)
     compared.add_column("design")

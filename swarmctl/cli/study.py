@@ -149,7 +149,9 @@ def information(
 
 @app.command()
 def formation(
-    runs: Annotated[int, typer.Option("--runs", min=2, help="Missions of each kind.")] = 100,
+    runs: Annotated[
+        int, typer.Option("--runs", min=0, help="Missions of each kind; 0 leaves them out.")
+    ] = 100,
     seed: SeedOption = 0,
     companions: Annotated[
         list[int] | None,
@@ -159,25 +161,42 @@ def formation(
         list[str] | None,
         typer.Option("--design", help="May be repeated (default: uniform, paper and optimal)."),
     ] = None,
+    count: Annotated[
+        int,
+        typer.Option("--transitions", min=0, help="Transitions to fly; 0 leaves them out."),
+    ] = 1000,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     workers: WorkersOption = 1,
     executor: ExecutorOption = None,
 ) -> None:
-    """Fly whole missions with each formation: which finds the emitter soonest?"""
-    from sim.study import formation as study  # noqa: PLC0415 - loads the simulator
-    from sim.study import jsonable  # noqa: PLC0415
+    """Fly whole missions with each formation, and the transitions from one to the next.
 
-    with _flying(workers, executor, None) as (pool, progress):
-        cells = study.formation(
-            runs=runs,
-            seed=seed,
-            designs=designs or study.DESIGNS,
-            companions=companions or study.COMPANIONS,
-            executor=pool,
-            on_progress=progress,
-        )
+    Which formation finds the emitter soonest? Does the swarm keep every limit while it changes?
+    """
+    from sim.study import formation as study  # noqa: PLC0415 - loads the simulator
+    from sim.study import jsonable, transitions  # noqa: PLC0415
+
+    flown = None
+    if count:
+        with _flying(workers, executor, None) as (pool, progress):
+            flown = transitions.transitions(
+                count=count, seed=seed, executor=pool, on_progress=progress
+            )
+    cells = []
+    if runs:
+        with _flying(workers, executor, None) as (pool, progress):
+            cells = study.formation(
+                runs=runs,
+                seed=seed,
+                designs=designs or study.DESIGNS,
+                companions=companions or study.COMPANIONS,
+                executor=pool,
+                on_progress=progress,
+            )
     if as_json:
-        typer.echo(jsonable.dumps({"runs": runs, "seed": seed, "cells": cells}))
+        typer.echo(
+            jsonable.dumps({"runs": runs, "seed": seed, "cells": cells, "transitions": flown})
+        )
         return
     shown = _table(
         f"time from forming up until 1-sigma < {study.CONVERGED_SIGMA_M:g} m, {runs} missions each",
@@ -194,7 +213,16 @@ def formation(
             f"{cell.rmse_m:.1f}",
             f"{cell.lost}/{runs}",
         )
-    Console().print(shown)
+    if cells:
+        Console().print(shown)
+    if flown is not None:
+        Console().print(
+            f"{flown.transitions} transitions in {flown.flights} flights of"
+            f" {transitions.COMPANIONS[0]} to {transitions.COMPANIONS[-1]} companions: nearest"
+            f" {flown.separation_m:.1f} m (at least {flown.min_separation_m:g}), farthest from the"
+            f" reference {flown.reach_m:.1f} m (at most {flown.d_max_m:g}), not formed up"
+            f" {flown.not_formed}, slots left without need {flown.swaps}."
+        )
 
 
 def _make(out: Path) -> None:

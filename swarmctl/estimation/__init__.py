@@ -10,7 +10,8 @@ one call), and two small classes that hold a track. No clock, no I/O.
 ``bounds``          the posterior Cramér-Rao bound (PCRB)
 ``consistency``     NEES, its chi-squared interval, the error ellipse
 ``alignment``       a vehicle's position at a measurement's epoch
-``tracker``         positions and RDs in, track out
+``pairing``         arrival times of one burst in, RDs out
+``tracker``         positions, and RDs or arrival times, in; track out
 ==================  =========================================================================
 
 The state is ``x = [e, v]``: the emitter's position (m) and velocity (m/s) in a fixed local

@@ -1,4 +1,4 @@
-"""The live tracker: positions and range differences in, track out.
+"""The live tracker: positions, and range differences or arrival times, in; track out.
 
 Messages may come late, out of order, twice, or not at all. Time is measurement epochs only
 (UTC s); how long to wait for a position is judged by the epochs of newer positions.
@@ -7,8 +7,7 @@ Messages may come late, out of order, twice, or not at all. Time is measurement 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +17,21 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation import motion, ncrkf
 from swarmctl.estimation.alignment import PositionHistory, Vector
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite, as_not_negative
+from swarmctl.estimation.pairing import (
+    SPEED_OF_LIGHT_MPS,
+    Arrival,
+    Burst,
+    Measurement,
+    Pairing,
+    differences,
+)
 from swarmctl.estimation.rd_model import rd_covariance
 
 _ABSURD = 1e6
 """No UAV, range difference or sigma of this system reaches a thousand kilometres (nor a
 thousand kilometres a second): such a number is corrupt."""
+_ABSURD_S = 1e11
+"""Nor has any clock of it counted three thousand years."""
 
 
 class TrackUpdate(NamedTuple):
@@ -47,18 +56,16 @@ class TrackUpdate(NamedTuple):
     guarded: bool
 
 
-class _Measurement(NamedTuple):
-    rd_m: float
-    sigma_m: float
-    rho: float
-
-
 class Tracker:
-    """Estimates one emitter from a swarm's positions and range differences.
+    """Estimates one emitter from a swarm's positions and range differences or arrival times.
 
     The prior holds at the epoch of the first measurement used. Range differences of one epoch
     and reference are one measurement, with the noise they share. Those that arrive after the
     rest of their epoch was used are an update of their own: right but for that shared noise.
+
+    Arrival times of one burst are one measurement, too, once it waits for no receiver
+    (:class:`~swarmctl.estimation.pairing.Pairing`): range differences against one of them, whose
+    arrival time is the epoch. A burst must not come in both ways, or it counts twice.
 
     Attributes:
         used: Range differences used.
@@ -66,7 +73,12 @@ class Tracker:
             absurd, sigma <= 0, rho outside [0, 1), receiver = reference), ``duplicate``,
             ``too_old`` (more than ``history_s`` behind the track), ``no_position`` (a
             vehicle's position is not known near the epoch), ``singular`` (the update has no
-            finite result). Positions: ``invalid_position`` (not finite or absurd).
+            finite result). Arrival times: the same but for ``singular``, and ``late``,
+            ``alone``, ``times_apart``, ``numbers_differ`` of
+            :class:`~swarmctl.estimation.pairing.Pairing`. Positions: ``invalid_position``
+            (not finite or absurd).
+        complaints: A sentence for each way in which receivers' bursts were first seen not to
+            fit together.
         guard_firings: Updates in which the filter's guard fired.
 
     Args:
@@ -78,6 +90,8 @@ class Tracker:
         process_noise: Spectral density of the emitter's acceleration, (3,), m²/s³.
         max_wait_s: How much newer the newest position of any vehicle may get before a
             measurement no longer waits for its own vehicles' next positions, s.
+        max_burst_wait_s: How much newer the arrivals at two receivers may get before a burst no
+            longer waits for a third, s.
         history_s: How far back positions are kept and late measurements used, s.
         max_extrapolation_s: How far from its nearest sample a vehicle's position is used, s.
 
@@ -95,6 +109,7 @@ class Tracker:
         sigma_p_m: float,
         process_noise: ArrayLike,
         max_wait_s: float = 0.3,
+        max_burst_wait_s: float = 1.0,
         history_s: float = 5.0,
         max_extrapolation_s: float = 0.5,
     ) -> None:
@@ -113,11 +128,16 @@ class Tracker:
         self._epoch_s: float | None = None
         self._newest_position_s = -math.inf
         self._positions: dict[int, PositionHistory] = {}
-        self._pending: dict[tuple[float, int], dict[int, _Measurement]] = {}
+        self._pending: dict[tuple[float, int], dict[int, Measurement]] = {}
         self._used_receivers: dict[tuple[float, int], set[int]] = {}
 
+        self._pairing = Pairing(
+            self._vehicles, as_not_negative("max_burst_wait_s", max_burst_wait_s)
+        )
+
         self.used = 0
-        self.dropped: Counter[str] = Counter()
+        self.dropped = self._pairing.dropped
+        self.complaints = self._pairing.complaints
         self.guard_firings = 0
 
     @property
@@ -193,25 +213,60 @@ class Tracker:
             elif receiver in pending or receiver in used:
                 self.dropped["duplicate"] += 1
             else:
-                pending[receiver] = _Measurement(rd, sigma, rho)
+                pending[receiver] = Measurement(rd, sigma, rho)
         if pending:
             self._pending[key] = pending
 
-    def process(self) -> list[TrackUpdate]:
+    def add_arrival(
+        self, receiver: int, burst: int, toa_s: int, toa_frac_s: float, sigma_s: float
+    ) -> None:
+        """Take the arrival time ``toa_s + toa_frac_s`` of a burst at a receiver.
+
+        Args:
+            receiver: System id of its vehicle.
+            burst: The receivers' number of the burst.
+            toa_s: Whole seconds.
+            toa_frac_s: The rest, 0 <= toa_frac_s < 1, s.
+            sigma_s: 1-sigma of its own error, s.
+
+        Raises:
+            EstimationError: The receiver is none of the tracker's vehicles.
+        """
+        self._require_known("receiver", receiver)
+        if (
+            0.0 <= toa_frac_s < 1.0
+            and abs(toa_s) <= _ABSURD_S
+            and sigma_s > 0.0
+            and _is_plausible(SPEED_OF_LIGHT_MPS * sigma_s)
+        ):
+            self._pairing.add(burst, Arrival(receiver, toa_s, toa_frac_s, sigma_s))
+        else:
+            self.dropped["invalid"] += 1
+
+    def process(self, leader: int | None = None) -> list[TrackUpdate]:
         """Use every pending measurement whose time has come, in the order of their epochs.
 
         A measurement older than the track updates the state expressed at its own epoch, which
         then returns to the track's; the process noise of the few seconds between is neglected.
+
+        Args:
+            leader: Whose arrival times the others' are differenced against where it heard the
+                burst; else, or for None, the least system id's.
 
         Returns:
             One entry per measurement used, the track after it.
         """
         updates = []
         for key in sorted(self._pending):
-            if not self._is_due(key):
+            epoch_s, reference = key
+            if not self._is_due(epoch_s, (reference, *self._pending[key])):
                 continue
             measurements = self._pending.pop(key)
             update = self._use(*key, measurements)
+            if update is not None:
+                updates.append(update)
+        for burst in self._pairing.waiting():
+            update = self._try(burst, leader)
             if update is not None:
                 updates.append(update)
         if updates:
@@ -244,8 +299,35 @@ class Tracker:
             known = ", ".join(str(sysid) for sysid in sorted(self._vehicles))
             raise EstimationError(f"{name} {vehicle} is unknown: the vehicles are {known}.")
 
-    def _is_due(self, key: tuple[float, int]) -> bool:
-        epoch_s, reference = key
+    def _try(self, burst: Burst, leader: int | None) -> TrackUpdate | None:
+        """Use a burst whose time has come; give up one whose time is past, or far ahead."""
+        arrivals = burst.arrivals
+        epoch_s = _reference(arrivals, leader).epoch_s
+        if epoch_s < self._newest_position_s - self._history_s:
+            self._pairing.give_up(burst, "too_old")
+            return None
+        if epoch_s > self._newest_position_s + self._history_s:
+            self._pairing.give_up(burst, "no_position")
+            return None
+        if not (self._pairing.is_whole(burst) and self._is_due(epoch_s, arrivals)):
+            return None
+        located = {
+            receiver: arrival
+            for receiver, arrival in arrivals.items()
+            if self._position_at(receiver, epoch_s) is not None
+        }
+        if len(located) < 2:
+            self._pairing.give_up(burst, "no_position")
+            return None
+        self._pairing.use(burst)
+        if len(located) < len(arrivals):
+            self.dropped["no_position"] += len(arrivals) - len(located)
+        reference = _reference(located, leader)
+        del located[reference.receiver]
+        measurements = differences(reference, located.values())
+        return self._use(reference.epoch_s, reference.receiver, measurements)
+
+    def _is_due(self, epoch_s: float, vehicles: Collection[int]) -> bool:
         newest = self._newest_position_s
         # Positions that never come must not let measurements pile up: one further ahead of
         # all positions than the history is long is used up (and dropped) at once.
@@ -255,12 +337,11 @@ class Tracker:
             return False
         positions = self._positions
         return all(
-            vehicle in positions and positions[vehicle].brackets(epoch_s)
-            for vehicle in (reference, *self._pending[key])
+            vehicle in positions and positions[vehicle].brackets(epoch_s) for vehicle in vehicles
         )
 
     def _use(
-        self, epoch_s: float, reference: int, measurements: dict[int, _Measurement]
+        self, epoch_s: float, reference: int, measurements: dict[int, Measurement]
     ) -> TrackUpdate | None:
         if self._epoch_s is not None and epoch_s < self._epoch_s - self._history_s:
             self.dropped["too_old"] += len(measurements)
@@ -320,6 +401,11 @@ class Tracker:
         """Forget which measurements were used once repeats would be too old anyway."""
         for key in [key for key in self._used_receivers if key[0] < oldest_s]:
             del self._used_receivers[key]
+
+
+def _reference(arrivals: Mapping[int, Arrival], leader: int | None) -> Arrival:
+    """The arrival to difference against."""
+    return arrivals[min(arrivals) if leader is None or leader not in arrivals else leader]
 
 
 def _is_plausible(*values: float) -> bool:

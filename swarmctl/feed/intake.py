@@ -9,17 +9,26 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection
+from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from swarmctl.events import (
+    ArrivalTime,
     EmitterTruth,
     InputRejected,
     Observation,
     RangeDifference,
     RangeDifferences,
 )
-from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage, tdoa_topic
+from swarmctl.feed.schema import (
+    SPEED_OF_LIGHT_MPS,
+    ArrivalTimeMessage,
+    RangeDifferenceMessage,
+    TruthMessage,
+    tdoa_topic,
+    toa_topic,
+)
 
 MAX_LENGTH_M = 1e6
 """No range difference and no sigma is larger: a radio horizon is a few hundred kilometres."""
@@ -32,37 +41,91 @@ MAX_EPOCH_UTC_S = 1e10
 MAX_SEQ = 2**63 - 1
 """A larger number could not be recorded."""
 
-_batch_decoder = msgspec.json.Decoder(RangeDifferenceMessage | list[RangeDifferenceMessage])
+_MIN_SIGMA_S = MIN_SIGMA_M / SPEED_OF_LIGHT_MPS
+_MAX_SIGMA_S = MAX_LENGTH_M / SPEED_OF_LIGHT_MPS
+
 _entries_decoder = msgspec.json.Decoder(list[msgspec.Raw])
-_message_decoder = msgspec.json.Decoder(RangeDifferenceMessage)
 _truth_decoder = msgspec.json.Decoder(TruthMessage)
 
 # msgspec meets nesting deeper than the interpreter's stack with the latter.
 _UNDECODABLE = (msgspec.DecodeError, RecursionError)
 
+_Fault = tuple[str, str]
+"""Kind and sentence."""
+_Message = TypeVar("_Message", RangeDifferenceMessage, ArrivalTimeMessage)
+
+
+class _Decoder(Generic[_Message]):
+    """Reads one message or a list of them."""
+
+    def __init__(self, kind: type[_Message], name: str) -> None:
+        self._name = name
+        batch: Any = kind | list[kind]  # type: ignore[valid-type]
+        self._batch: msgspec.json.Decoder[_Message | list[_Message]] = msgspec.json.Decoder(batch)
+        self._single: msgspec.json.Decoder[_Message] = msgspec.json.Decoder(kind)
+
+    def decode(self, payload: bytes) -> tuple[list[_Message], list[_Fault]]:
+        """The good messages, and what is wrong with the others."""
+        try:
+            decoded = self._batch.decode(payload)
+        except _UNDECODABLE as error:
+            return self._decode_singly(payload, error)
+        return (decoded if isinstance(decoded, list) else [decoded]), []
+
+    def _decode_singly(
+        self, payload: bytes, error: Exception
+    ) -> tuple[list[_Message], list[_Fault]]:
+        """The good entries of a list that has bad ones; nothing of anything else."""
+        good: list[_Message] = []
+        faults = []
+        try:
+            entries = _entries_decoder.decode(payload)
+        except _UNDECODABLE:
+            return [], [self._fault(payload, error)]
+        for entry in entries:
+            try:
+                good.append(self._single.decode(entry))
+            except _UNDECODABLE as entry_error:
+                faults.append(self._fault(bytes(entry), entry_error))
+        return good, faults
+
+    def _fault(self, payload: bytes, error: Exception) -> _Fault:
+        if isinstance(error, msgspec.ValidationError):
+            return "wrong_schema", f"not {self._name} message of version 1: {error}"
+        return "not_json", f"{len(payload)} bytes that are not JSON: {error}"
+
+
+_range_differences = _Decoder(RangeDifferenceMessage, "a range difference")
+_arrival_times = _Decoder(ArrivalTimeMessage, "an arrival time")
+
 
 class FeedIntake:
-    """The receiving end of the topic ``swarm/<swarm>/tdoa``.
+    """The receiving end of the topics ``swarm/<swarm>/tdoa`` and ``swarm/<swarm>/toa/<sysid>``.
 
     Args:
         swarm: Name of the swarm.
         receivers: System ids of the UAVs that carry a receiver, the reference included.
 
     Attributes:
-        topic: The topic it takes messages from.
+        topics: What it takes messages from, for a subscription.
         messages_in: Messages received, good or bad.
         range_differences_in: Range differences passed on.
+        arrival_times_in: Arrival times passed on.
         rejected: Messages or list entries refused, by kind: ``unexpected_topic``,
             ``not_json``, ``wrong_schema``, ``absurd_value``, ``unknown_receiver``,
             ``unknown_reference``, ``receiver_is_reference``, ``duplicate_receiver``,
-            ``mixed_rho``.
+            ``mixed_rho``, ``wrong_topic`` (another receiver's).
     """
 
     def __init__(self, swarm: str, receivers: Collection[int]) -> None:
-        self.topic = tdoa_topic(swarm)
+        self.topics = (tdoa_topic(swarm), toa_topic(swarm, "+"))
         self.messages_in = 0
         self.range_differences_in = 0
+        self.arrival_times_in = 0
         self.rejected: Counter[str] = Counter()
+        self._swarm = swarm
+        self._tdoa_topic = tdoa_topic(swarm)
+        self._toa_prefix = toa_topic(swarm, "+").removesuffix("+")
         self._receivers = frozenset(receivers)
 
     def receive(self, topic: str, payload: bytes, now: float) -> list[Observation]:
@@ -70,27 +133,41 @@ class FeedIntake:
 
         Args:
             topic: Its topic.
-            payload: Its bytes: a :class:`RangeDifferenceMessage` or a list of them.
+            payload: Its bytes: a :class:`RangeDifferenceMessage` or a list of them, or an
+                :class:`ArrivalTimeMessage` or a list of them, as the topic says.
             now: Monotonic time of arrival, s.
 
         Returns:
             One :class:`~swarmctl.events.RangeDifferences` per (epoch, reference) in the
-            message, and an :class:`~swarmctl.events.InputRejected` for each kind of fault
-            met for the first time. A bad entry of a list does not spoil the others.
+            message or one :class:`~swarmctl.events.ArrivalTime` per arrival time, and an
+            :class:`~swarmctl.events.InputRejected` for each kind of fault met for the first
+            time. A bad entry of a list does not spoil the others.
         """
         self.messages_in += 1
+        if topic == self._tdoa_topic:
+            return self._receive_range_differences(payload, now)
+        if topic.startswith(self._toa_prefix):
+            return self._receive_arrival_times(topic, payload, now)
         out: list[Observation] = []
-        if topic != self.topic:
-            fault = ("unexpected_topic", f"a message on topic {topic!r}: expected {self.topic!r}")
-            self._reject(fault, now, out)
-            return out
+        fault = (
+            "unexpected_topic",
+            f"a message on topic {topic!r}: this topic or {self._toa_prefix}ID is expected",
+        )
+        self._reject(self._tdoa_topic, fault, now, out)
+        return out
+
+    def _receive_range_differences(self, payload: bytes, now: float) -> list[Observation]:
+        out: list[Observation] = []
+        messages, faults = _range_differences.decode(payload)
         groups: dict[tuple[float, int], list[RangeDifferenceMessage]] = {}
-        for message in self._decode(payload, now, out):
-            fault_found = self._fault(message, groups)
-            if fault_found is not None:
-                self._reject(fault_found, now, out)
+        for message in messages:
+            fault = self._fault(message, groups)
+            if fault is not None:
+                faults.append(fault)
                 continue
             groups.setdefault((message.epoch_utc_s, message.reference), []).append(message)
+        for fault in faults:
+            self._reject(self._tdoa_topic, fault, now, out)
         for (epoch_utc_s, reference), members in groups.items():
             self.range_differences_in += len(members)
             out.append(
@@ -106,37 +183,60 @@ class FeedIntake:
             )
         return out
 
-    def _decode(
-        self, payload: bytes, now: float, out: list[Observation]
-    ) -> list[RangeDifferenceMessage]:
-        try:
-            decoded = _batch_decoder.decode(payload)
-        except _UNDECODABLE as error:
-            return self._decode_singly(payload, error, now, out)
-        return decoded if isinstance(decoded, list) else [decoded]
+    def _receive_arrival_times(self, topic: str, payload: bytes, now: float) -> list[Observation]:
+        out: list[Observation] = []
+        messages, faults = _arrival_times.decode(payload)
+        for message in messages:
+            fault = self._arrival_fault(topic, message)
+            if fault is not None:
+                faults.append(fault)
+                continue
+            self.arrival_times_in += 1
+            out.append(
+                ArrivalTime(
+                    received_s=now,
+                    receiver=message.receiver,
+                    toa_s=message.toa_s,
+                    toa_frac_s=message.toa_frac_s,
+                    burst=message.burst,
+                    sigma_s=message.sigma_s,
+                    clock_sigma_s=message.clock_sigma_s,
+                    seq=message.seq,
+                )
+            )
+        for fault in faults:
+            self._reject(topic, fault, now, out)
+        return out
 
-    def _decode_singly(
-        self, payload: bytes, error: Exception, now: float, out: list[Observation]
-    ) -> list[RangeDifferenceMessage]:
-        """The good entries of a list that has bad ones; nothing of anything else."""
-        try:
-            entries = _entries_decoder.decode(payload)
-        except _UNDECODABLE:
-            self._reject(_decoding_fault(payload, error), now, out)
-            return []
-        good = []
-        for entry in entries:
-            try:
-                good.append(_message_decoder.decode(entry))
-            except _UNDECODABLE as entry_error:
-                self._reject(_decoding_fault(bytes(entry), entry_error), now, out)
-        return good
+    def _arrival_fault(self, topic: str, message: ArrivalTimeMessage) -> _Fault | None:
+        receiver = message.receiver
+        expected = toa_topic(self._swarm, receiver)
+        if topic != expected:
+            return "wrong_topic", (
+                f"an arrival time at receiver {receiver}: its topic would be {expected}"
+            )
+        if receiver not in self._receivers:
+            return "unknown_receiver", self._unknown("receiver", receiver)
+        if not (
+            message.toa_s <= MAX_EPOCH_UTC_S
+            and _MIN_SIGMA_S <= message.sigma_s <= _MAX_SIGMA_S
+            and message.clock_sigma_s <= MAX_CLOCK_SIGMA_S
+            and message.burst <= MAX_SEQ
+            and message.seq <= MAX_SEQ
+        ):
+            return "absurd_value", (
+                f"receiver {receiver} sent toa_s {message.toa_s:g}, sigma_s {message.sigma_s:g}, "
+                f"clock_sigma_s {message.clock_sigma_s:g}: UTC seconds up to "
+                f"{MAX_EPOCH_UTC_S:g}, sigma_s from {_MIN_SIGMA_S:.1g} to {_MAX_SIGMA_S:.1g}, "
+                f"clocks within {MAX_CLOCK_SIGMA_S:g} s and a 64-bit burst and seq are taken"
+            )
+        return None
 
     def _fault(
         self,
         message: RangeDifferenceMessage,
         groups: dict[tuple[float, int], list[RangeDifferenceMessage]],
-    ) -> tuple[str, str] | None:
+    ) -> _Fault | None:
         receiver, reference = message.receiver, message.reference
         if not (
             abs(message.rd_m) <= MAX_LENGTH_M
@@ -179,13 +279,13 @@ class FeedIntake:
         known = ", ".join(str(i) for i in sorted(self._receivers))
         return f"{role} {sysid} is not of this swarm: its receivers are {known}"
 
-    def _reject(self, fault: tuple[str, str], now: float, out: list[Observation]) -> None:
+    def _reject(self, topic: str, fault: _Fault, now: float, out: list[Observation]) -> None:
         kind, detail = fault
         self.rejected[kind] += 1
         if self.rejected[kind] == 1:
             out.append(
                 InputRejected(
-                    received_s=now, source="feed", kind=kind, detail=f"{self.topic}: {detail}."
+                    received_s=now, source="feed", kind=kind, detail=f"{topic}: {detail}."
                 )
             )
 
@@ -220,9 +320,3 @@ def decode_truth(payload: bytes, now: float) -> EmitterTruth | None:
         alt_amsl_m=message.alt_amsl_m,
         velocity_enu=message.velocity_enu,
     )
-
-
-def _decoding_fault(payload: bytes, error: Exception) -> tuple[str, str]:
-    if isinstance(error, msgspec.ValidationError):
-        return "wrong_schema", f"not a range difference message of version 1: {error}"
-    return "not_json", f"{len(payload)} bytes that are not JSON: {error}"

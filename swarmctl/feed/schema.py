@@ -4,6 +4,7 @@ Topics, for a swarm named ``S``:
 
 ===================  ========================================================================
 ``swarm/S/tdoa``     :class:`RangeDifferenceMessage`, one object or a list of them
+``swarm/S/toa/ID``   :class:`ArrivalTimeMessage` of receiver ``ID``, one object or a list of them
 ``swarm/S/estimate`` :class:`EstimateMessage`, published by the controller
 ``swarm/S/truth``    :class:`TruthMessage`, published by the simulator only; only the recorder
                      and reports read it
@@ -12,7 +13,7 @@ Topics, for a swarm named ``S``:
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -25,6 +26,7 @@ VERSION = 1
 
 SysId = Annotated[int, Meta(ge=1, le=255)]
 PositiveMetres = Annotated[float, Meta(gt=0.0)]
+PositiveSeconds = Annotated[float, Meta(gt=0.0)]
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,6 +56,31 @@ class RangeDifferenceMessage(_Message, frozen=True):
     rd_m: float
     sigma_m: PositiveMetres
     rho: Annotated[float, Meta(ge=0.0, lt=1.0)]
+    clock_sigma_s: Annotated[float, Meta(ge=0.0)]
+    seq: Annotated[int, Meta(ge=0)]
+
+
+class ArrivalTimeMessage(_Message, frozen=True):
+    """When one receiver heard one burst: ``toa_s + toa_frac_s``, UTC.
+
+    In two parts, since a float64 of UTC seconds resolves 0.24 us, which is 71 m.
+
+    Attributes:
+        v: Version of the message, 1.
+        receiver: System id of the UAV that carries the receiver; that of the topic.
+        toa_s: Whole seconds of UTC.
+        toa_frac_s: The rest, 0 <= toa_frac_s < 1.
+        burst: Number of the burst, the same at every receiver.
+        sigma_s: 1-sigma of this arrival time's own error, s.
+        clock_sigma_s: 1-sigma of the receivers' mutual clock synchronisation, s.
+        seq: Counts messages of the publisher.
+    """
+
+    receiver: SysId
+    toa_s: Annotated[int, Meta(ge=0, le=2**63 - 1)]
+    toa_frac_s: Annotated[float, Meta(ge=0.0, lt=1.0)]
+    burst: Annotated[int, Meta(ge=0)]
+    sigma_s: PositiveSeconds
     clock_sigma_s: Annotated[float, Meta(ge=0.0)]
     seq: Annotated[int, Meta(ge=0)]
 
@@ -98,6 +125,11 @@ class EstimateMessage(_Message, frozen=True):
 def tdoa_topic(swarm: str) -> str:
     """Topic of the range differences of a swarm."""
     return f"swarm/{swarm}/tdoa"
+
+
+def toa_topic(swarm: str, receiver: int | Literal["+"]) -> str:
+    """Topic of a receiver's arrival times; ``+`` subscribes to every receiver's."""
+    return f"swarm/{swarm}/toa/{receiver}"
 
 
 def estimate_topic(swarm: str) -> str:

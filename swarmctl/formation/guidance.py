@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from swarmctl.formation.designs import Array
+
 Vector2 = tuple[float, float]
 
 
@@ -62,6 +66,36 @@ def orbit_speed(max_speed_mps: float, radius_m: float, d_m: float) -> float:
     v = v_max · radius / (radius + d).
     """
     return max_speed_mps * radius_m / (radius_m + d_m)
+
+
+def pace(
+    offset: Vector2, relative: Vector2, drift: Vector2, slots: Array, speeds_mps: Array
+) -> float:
+    """Share of its velocity that the reference UAV may fly for everyone to keep up.
+
+    The formation turns with the line of sight, at ``omega = offset x relative / |offset|²``, so a
+    slot ``s`` moves at ``drift + share (relative + omega x s)``, which each vehicle must be able
+    to fly.
+
+    Args:
+        offset: Reference position less emitter estimate, east and north, m.
+        relative: Wanted velocity of the reference relative to the emitter, m/s.
+        drift: Velocity of the emitter, m/s.
+        slots: (n, 2) offsets from the reference UAV, m; zero for the reference itself.
+        speeds_mps: (n,) greatest speed of each vehicle, m/s.
+
+    Returns:
+        Share of ``relative``, in [0, 1]; 0 if one cannot even keep up with the emitter.
+    """
+    squared = max(offset[0] ** 2 + offset[1] ** 2, 1.0)
+    omega = (offset[0] * relative[1] - offset[1] * relative[0]) / squared
+    full = np.array(relative) + omega * np.column_stack((-slots[:, 1], slots[:, 0]))
+    a = (full * full).sum(axis=1)
+    b = full @ np.array(drift)
+    c = drift[0] ** 2 + drift[1] ** 2 - speeds_mps**2
+    if (c > 0.0).any():
+        return 0.0
+    return float(min(1.0, np.min(-c / np.maximum(b + np.sqrt(b * b - a * c), 1e-9))))
 
 
 def approach_and_orbit(

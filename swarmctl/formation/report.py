@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,7 +102,8 @@ def report(
     compared, unfit = {}, {}
     for other, make in DESIGNS.items():
         try:
-            compared[other] = float(objective(make(requirements, objective)) / best)
+            value = objective(make(requirements, objective))
+            compared[other] = float(value / best) if math.isfinite(best) else math.nan
         except FormationError as error:
             unfit[other] = str(error)
     accuracy = predicted_accuracy(

@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from swarmctl.events import (
+    ArrivalTime,
     Command,
     CommandOutcome,
     Decision,
@@ -65,13 +66,19 @@ class Controller:
         now: Controller's monotonic time, s.
         hiccup_s: Silence that this computer may be to blame for (a busy processor delays
             what vehicles say), in the controller's seconds; it is granted to every sender.
+        shadow: The commands are not carried out: others fly the vehicles, or they stand on
+            the ground. The plan starts where they are and then goes on by itself, up to where
+            the swarm would be brought home.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
     """
 
-    def __init__(self, mission: Mission, now: float, hiccup_s: float = 0.0) -> None:
+    def __init__(
+        self, mission: Mission, now: float, hiccup_s: float = 0.0, *, shadow: bool = False
+    ) -> None:
         self.mission = mission
+        self._shadow = shadow
         self.frame = mission.frame
         self.fleet = Fleet(
             self.frame,
@@ -87,7 +94,7 @@ class Controller:
         self._phase_since = now
         self._next_tick = now
         self._last_tick = now
-        self._preflight = Preflight(mission, self.fleet, now)
+        self._preflight = Preflight(mission, self.fleet, now, shadow=shadow)
         self._launch: Launch | None = None
         self._landing: Landing | None = None
         self._custody = Custody(self.fleet)
@@ -111,6 +118,8 @@ class Controller:
             case RangeDifferences():
                 self.observer.range_differences(event)
                 self._decisions += self.observer.process(now)
+            case ArrivalTime():
+                self.observer.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
                 self._fail(Failure("cancelled", "the operator asked for the return home"), now)
             case FeedConnection(connected=connected):
@@ -126,6 +135,8 @@ class Controller:
         # A late caller does not make up for lost periods in a burst.
         self._next_tick = max(self._next_tick + PERIOD_S, now)
         self._decisions += self.observer.process(now)
+        for sentence in self.observer.complaints():
+            self._say(now, "warning", sentence)
         match self.phase:
             case Phase.WAITING | Phase.CHECKING:
                 self._prepare(now)
@@ -264,11 +275,11 @@ class Controller:
     def _go_up(self, now: float) -> None:
         if self._launch is None:
             return
-        self._commands += self._launch.step(now)
+        self._commands += self._launch.rehearsal() if self._shadow else self._launch.step(now)
         failure = self._launch.failure or self._watch.in_flight(self.fleet, (), False, now)
         if failure is not None:
             self._fail(failure, now)
-        elif self._launch.complete:
+        elif self._launch.complete or self._shadow:
             self._begin_plan(now)
             self._move(Trigger.AIRBORNE, "every vehicle is at its altitude", now)
 
@@ -297,21 +308,32 @@ class Controller:
             self._say(now, "warning", f"held the plan: it had {planned.broken[0]}")
         self._release_taken_over(now)
         if self.phase is Phase.RETURNING:
-            if all(distance < HOME_M for distance in self._home_distances()):
-                flying = [
-                    v for v in self.fleet.vehicles.values() if v.sysid not in self._custody.released
-                ]
+            if self._shadow or all(distance < HOME_M for distance in self._home_distances()):
+                vehicles = () if self._shadow else self.fleet.vehicles.values()
+                flying = [v for v in vehicles if v.sysid not in self._custody.released]
                 self._landing = Landing(flying, self._watch, now)
-                self._move(Trigger.HOME, "every vehicle is above its launch point", now)
+                reason = (
+                    "nobody is brought home"
+                    if self._shadow
+                    else "every vehicle is above its launch point"
+                )
+                self._move(Trigger.HOME, reason, now)
             return
         members = self._membership
         for sentence in members.take_in_again(utc, now, self._is_ours):
             self._say(now, "warning", sentence, once=False)
-        failure = self._watch.in_flight(
-            self.fleet, self._custody.released | members.lost.keys(), True, now
-        )
-        loss = None if failure is None else members.do_without(failure, self.phase)
+        excused = self._custody.released | members.lost.keys()
+        failure = self._watch.in_flight(self.fleet, excused, not self._shadow, now)
+        loss = None
+        if failure is not None:
+            loss = members.do_without(
+                failure,
+                self.phase,
+                self.observer.target,
+                rereferences=self.observer.rereferences,
+            )
         if loss is not None:
+            self.observer.leader = members.reference
             self._say(now, "error", loss, once=False)
             return
         failure = failure or self._watch.observing(
@@ -380,25 +402,26 @@ class Controller:
     def _compare(self, planned: Planned, utc: float | None, now: float) -> Plan:
         vehicles = list(self.fleet.vehicles.values())
         here = [v.position_at(utc) if utc is not None else None for v in vehicles]
-        sysids = [v.sysid for v in vehicles]
-        reference = here[sysids.index(self.mission.swarm.reference)]
+        reference = here[self.planner.reference]
         slots, worst = [], 0.0
-        for vehicle, position, slot, velocity in zip(
-            vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True
+        for row, (vehicle, position, slot, velocity) in enumerate(
+            zip(vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True)
         ):
             error = _distance(position, slot)
-            is_reference = vehicle.sysid == self.mission.swarm.reference
-            reach = None if is_reference else _distance(position, reference)
-            if (
-                error is not None
-                and not is_reference
-                and vehicle.sysid not in self._membership.lost
-            ):
+            is_companion = row in self.planner.companions
+            reach = None if row == self.planner.reference else _distance(position, reference)
+            if error is not None and is_companion:
                 worst = max(worst, error)
-            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach))
+            joined = row == self.planner.reference or (
+                is_companion and row not in self.planner.returning
+            )
+            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach, joined))
+        if self._shadow:
+            worst = float(np.linalg.norm(planned.slots - planned.positions, axis=1).max())
         self._worst_error_m = worst
         return Plan(
             at_s=now,
+            reference=self._membership.reference,
             los_rad=planned.los.angle_rad,
             formed=self.phase in FLYING_FORMATION and self.phase is not Phase.FORMING,
             slots=tuple(slots),
@@ -417,10 +440,14 @@ class Controller:
         return distances
 
     def _is_ours(self, vehicle: VehicleState) -> bool:
+        if self._shadow:
+            return True
         raised = self._launch is not None and self._launch.raises(vehicle.sysid)
         return self._custody.is_ours(vehicle, raised=raised)
 
     def _release_taken_over(self, now: float) -> None:
+        if self._shadow:
+            return
         said, failures = self._custody.review(now)
         for text in said:
             self._say(now, "warning", text)

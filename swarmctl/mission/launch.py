@@ -86,6 +86,18 @@ class Launch:
         """Whether setpoints have begun to raise a vehicle from the ground."""
         return sysid in self._stood and self._steps[sysid] in {Step.CLIMB, Step.UP}
 
+    def rehearsal(self) -> list[Command]:
+        """Every command of the launch at once, for a controller whose commands are not sent."""
+        return [
+            command
+            for vehicle in self._vehicles.values()
+            for command in (
+                SetMode(sysid=vehicle.sysid, mode=Mode.GUIDED),
+                Arm(sysid=vehicle.sysid),
+                TakeOff(sysid=vehicle.sysid, alt_amsl_m=vehicle.altitude_amsl_m),
+            )
+        ]
+
     def outcome(self, event: CommandOutcome, now: float) -> list[Command]:
         """Take the end of a command's exchange; returns the next command."""
         step = self._steps.get(event.sysid)

@@ -1,4 +1,4 @@
-"""Who flies in the formation: a lost companion is done without, one heard again is taken in."""
+"""Who flies in the formation: a lost vehicle is done without, one heard again is taken in."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
-from swarmctl.mission.planner import Planner
+from swarmctl.mission.planner import Planner, Target
 from swarmctl.mission.watch import Failure, Watch
 
 
 class Membership:
-    """The companions that are lost, and what becomes of the formation.
+    """The vehicles that are lost, and what becomes of the formation.
 
     Args:
         mission: The mission.
@@ -33,8 +33,22 @@ class Membership:
         self._watch = watch
         self.lost: dict[int, Failure] = {}
 
-    def do_without(self, failure: Failure, phase: Phase) -> str | None:
-        """Let the others close up, if a companion is lost and enough are left.
+    @property
+    def reference(self) -> int:
+        """System id of the reference UAV."""
+        return self._mission.swarm.sysids[self._planner.reference]
+
+    def do_without(
+        self, failure: Failure, phase: Phase, target: Target, *, rereferences: bool
+    ) -> str | None:
+        """Let the others close up, if a vehicle is lost and enough companions are left.
+
+        Args:
+            failure: What has happened.
+            phase: The phase.
+            target: The estimate now.
+            rereferences: Whether the feed tells range differences without the lost vehicle
+                should it be the reference UAV.
 
         Returns:
             What to tell the operator; None if the mission cannot do without.
@@ -43,14 +57,23 @@ class Membership:
         if (
             failure.result != "vehicle_lost"
             or failure.sysid is None
-            or failure.sysid == self._mission.swarm.reference
             or phase not in FLYING_FORMATION
             or left < self._mission.formation.min_companions
         ):
             return None
+        leads = failure.sysid == self.reference
+        if leads and not rereferences:
+            return None
         self.lost[failure.sysid] = failure
+        companions = f"{left} companion{'s' if left > 1 else ''}"
+        if leads:
+            self._planner.succeed(target)
+            return (
+                f"{failure.detail}; vehicle {self.reference} is the reference UAV now, with"
+                f" {companions}"
+            )
         self._planner.drop(self._mission.swarm.sysids.index(failure.sysid))
-        return f"{failure.detail}; flying on with {left} companions"
+        return f"{failure.detail}; flying on with {companions}"
 
     def take_in_again(
         self, utc: float | None, now: float, is_ours: Callable[[VehicleState], bool]

@@ -75,10 +75,15 @@ class Vehicle(Section):
     Attributes:
         sysid: Its MAVLink system id.
         altitude_amsl_m: The altitude it flies at, all mission long.
+        max_speed_mps: Its greatest ground speed, where that is below ``limits.max_speed_mps``:
+            the swarm flies no faster than it can keep up with.
+        max_acceleration_mps2: Likewise its greatest acceleration.
     """
 
     sysid: SysId
     altitude_amsl_m: Altitude
+    max_speed_mps: Positive | None = None
+    max_acceleration_mps2: Positive | None = None
 
 
 class Swarm(Section):
@@ -157,7 +162,7 @@ class Formation(Section):
     design: Literal["optimal", "paper", "uniform", "regression", "worst_case"] = "optimal"
     sigma_rd_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
-    min_companions: Annotated[int, Field(ge=1)] = 2
+    min_companions: Annotated[int, Field(ge=1)] = 1
     margin_m: Positive = 15.0
     stand_off_margin_m: Positive = 25.0
 
@@ -235,12 +240,14 @@ class SimReceivers(Section):
         rate_hz: Epochs a second.
         sigma_m: 1-sigma of a range difference.
         rho: Share of its variance that the reference receiver contributes.
+        publish: What is published of each burst: range differences against the reference, or
+            arrival times, which outlive its loss. The errors are the same.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
-    min_companions: Annotated[int, Field(ge=1)] = 2
+    publish: Literal["range_differences", "arrival_times"] = "range_differences"
 
 
 class SimNavigation(Section):

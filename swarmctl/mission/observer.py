@@ -8,13 +8,13 @@ import numpy as np
 
 from swarmctl.estimation.consistency import ellipse
 from swarmctl.estimation.tracker import Tracker
-from swarmctl.events import Estimate, RangeDifferences, VehiclePosition
+from swarmctl.events import ArrivalTime, Estimate, RangeDifferences, VehiclePosition
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
 from swarmctl.mission.planner import Target
 
 HISTORY_S = 5.0
-"""Range differences up to this late are used, s."""
+"""Measurements up to this late are used, s."""
 RATE_WINDOW_S = 5.0
 """The measurement rate is an average over this long."""
 VERTICAL_SPEED_SIGMA_MPS = 0.001
@@ -27,15 +27,18 @@ class Observer:
 
     Args:
         mission: The mission; its prior, filter and frame are used.
-        hiccup_s: How much later than the positions this computer may read the range
-            differences of the same time, s.
+        hiccup_s: How much later than the positions this computer may read the measurements of
+            the same time, s.
 
     Attributes:
+        leader: System id of the UAV whose arrival times the others' are differenced against
+            where it heard the burst.
         target: The estimate at the instant last given to :meth:`predict`.
         covariance: Its 6 x 6 covariance.
         last: The last update; None before any.
         last_used_s: When a range difference was last used, controller's time; None before.
         used: Range differences used.
+        rereferences: Whether the feed outlives the loss of the reference UAV.
     """
 
     def __init__(self, mission: Mission, hiccup_s: float) -> None:
@@ -50,15 +53,17 @@ class Observer:
             history_s=HISTORY_S + hiccup_s,
         )
         self._recent: deque[tuple[float, int]] = deque()
+        self.leader = mission.swarm.reference
         self.last: Estimate | None = None
         self.last_used_s: float | None = None
         self.used = 0
+        self.rereferences = False
         self.covariance = covariance
         self.target = _target(mean, covariance)
 
     @property
     def dropped(self) -> int:
-        """Range differences that could not be used."""
+        """Range differences and arrival times that could not be used."""
         dropped = self._tracker.dropped
         return dropped.total() - dropped["invalid_position"]
 
@@ -85,10 +90,23 @@ class Observer:
             event.rho,
         )
 
+    def arrival(self, event: ArrivalTime) -> None:
+        """Take one receiver's arrival time of a burst."""
+        self.rereferences = True
+        self._tracker.add_arrival(
+            event.receiver, event.burst, event.toa_s, event.toa_frac_s, event.sigma_s
+        )
+
+    def complaints(self) -> list[str]:
+        """Drain what the operator should be told about arrival times that do not fit."""
+        complaints = list(self._tracker.complaints)
+        self._tracker.complaints.clear()
+        return complaints
+
     def process(self, now: float) -> list[Estimate]:
         """Update the track with every measurement whose vehicles' positions are known."""
         estimates = []
-        for update in self._tracker.process():
+        for update in self._tracker.process(self.leader):
             self.last = Estimate(
                 at_s=now,
                 epoch_utc_s=update.epoch_s,

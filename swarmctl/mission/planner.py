@@ -21,6 +21,7 @@ from swarmctl.formation.guidance import (
     approach_and_orbit,
     go_to,
     orbit_speed,
+    pace,
 )
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
@@ -50,8 +51,8 @@ CORRECTION_SHARE = 0.7
 """Share of the followers' spare speed that corrections of the LOS may take."""
 FENCE_MARGIN_M = 10.0
 """Plans are turned back this far inside the geofence."""
-ORBIT_SHARE = 0.95
-"""Share of its greatest orbit speed the reference flies: followers keep some to correct with."""
+PACE_SHARE = 0.95
+"""Share of the vehicles' greatest speeds the formation flies: they keep some to correct with."""
 RANGE_GUARD = 3.0
 """The reference does not approach nearer than this many sigmas of the estimate."""
 
@@ -117,15 +118,16 @@ class Planner:
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
         self._frame = mission.frame
-        sysids = mission.swarm.sysids
-        self._reference = sysids.index(mission.swarm.reference)
-        self._altitudes = [v.altitude_amsl_m for v in mission.swarm.vehicles]
-        heights = np.array(self._altitudes) - self._altitudes[self._reference]
-        companions = [i for i in range(len(sysids)) if i != self._reference]
-        self._shape = Shape(mission, companions, heights[companions])
+        vehicles, limits = mission.swarm.vehicles, mission.limits
+        self._altitudes = [v.altitude_amsl_m for v in vehicles]
+        self._speeds = [min(limits.max_speed_mps, v.max_speed_mps or math.inf) for v in vehicles]
+        self._accelerations = [
+            min(limits.max_acceleration_mps2, v.max_acceleration_mps2 or math.inf) for v in vehicles
+        ]
+        self._shape = Shape(mission)
         self._require_fence()
-        self._positions = np.zeros((len(sysids), 2))
-        self._velocities = np.zeros((len(sysids), 2))
+        self._positions = np.zeros((len(self._altitudes), 2))
+        self._velocities = np.zeros_like(self._positions)
         self._returning: set[int] = set()
         # Half of the margin is left to what vehicle and wind make of the plan.
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
@@ -152,11 +154,7 @@ class Planner:
         """
         self._positions = np.array(positions, dtype=float)
         self._velocities = np.zeros_like(self._positions)
-        reference = self._positions[self._reference]
-        east, north = (target.position_enu[:2] - reference).tolist()
-        self._shape.begin(
-            self._positions, reference, math.atan2(north, east), math.hypot(east, north)
-        )
+        self._shape.begin(self._positions, np.array(target.position_enu[:2]))
 
     def step(
         self,
@@ -195,13 +193,18 @@ class Planner:
         return Planned(full, level, slots, self._shape.los, tuple(broken))
 
     @property
+    def reference(self) -> int:
+        """Row of the vehicle that is the reference UAV."""
+        return self._shape.reference
+
+    @property
     def companions(self) -> tuple[int, ...]:
         """Rows of the vehicles that fly in formation round the reference UAV."""
         return tuple(self._shape.members)
 
     @property
     def returning(self) -> frozenset[int]:
-        """Rows of companions that were taken in again and have not reached their slots yet."""
+        """Rows of companions on their way to slots that may be out of reach where they are."""
         return frozenset(self._returning)
 
     def drop(self, companion: int) -> None:
@@ -226,11 +229,25 @@ class Planner:
         self._positions[companion] = position
         self._velocities[companion] = 0.0
         self._returning.add(companion)
-        self._shape.add(companion, position - self._positions[self._reference])
+        self._shape.add(companion, position - self._positions[self._shape.reference])
+
+    def succeed(self, target: Target) -> None:
+        """Fly on without the reference UAV: its plan stands still, a companion takes its place.
+
+        The others form up round that one as if they had been taken in again.
+
+        Args:
+            target: The estimate now.
+
+        Raises:
+            FormationError: No design fits as few as are left.
+        """
+        self._shape.succeed(self._positions, np.array(target.position_enu[:2]))
+        self._returning = set(self._shape.members)
 
     def to_orbit_m(self, target: Target) -> float:
         """How far outside its orbit the reference's plan is, m."""
-        offset = self._positions[self._reference] - target.position_enu[:2]
+        offset = self._positions[self._shape.reference] - target.position_enu[:2]
         return math.hypot(offset[0], offset[1]) - self._shape.orbit_m
 
     def at_radius(self, target: Target) -> bool:
@@ -239,7 +256,7 @@ class Planner:
 
     def _slots(self) -> Array:
         slots = self._positions.copy()
-        slots[self._shape.members] = self._positions[self._reference] + self._shape.offsets()
+        slots[self._shape.members] = self._positions[self._shape.reference] + self._shape.offsets()
         return slots
 
     def _formation_velocities(
@@ -247,16 +264,16 @@ class Planner:
     ) -> Array:
         limits = self._mission.limits
         velocities = np.zeros_like(self._velocities)
-        reference = self._positions[self._reference]
+        reference = self._positions[self._shape.reference]
         east, north = (reference - target.position_enu[:2]).tolist()
         # Followers are led by what the reference will do, not by what it would like to.
         velocity = self._bend(
-            self._reference,
+            self._shape.reference,
             self._reference_velocity(phase, target, (east, north), worst_error_m),
             target,
-            REFERENCE_SHARE * limits.max_acceleration_mps2 * dt,
+            REFERENCE_SHARE * min(self._accelerations[i] for i in self._flying()) * dt,
         )
-        velocities[self._reference] = velocity
+        velocities[self._shape.reference] = velocity
 
         drift = target.trusted_velocity
         relative = (velocity[0] - drift[0], velocity[1] - drift[1])
@@ -275,28 +292,28 @@ class Planner:
         for i, gap, led in zip(
             shape.members, gaps.tolist(), (velocity + shape.velocities()).tolist(), strict=True
         ):
-            close = go_to(
-                (gap[0], gap[1]),
-                limits.cruise_speed_mps,
-                0.5 * limits.max_acceleration_mps2,
-                SLOT_GAIN,
-            )
+            acceleration = self._accelerations[i]
+            close = go_to((gap[0], gap[1]), limits.cruise_speed_mps, 0.5 * acceleration, SLOT_GAIN)
             wanted = (led[0] + close[0], led[1] + close[1])
             if phase in OBSERVING:
                 wanted = self._reach(i, wanted, velocity)
-            velocities[i] = self._bend(i, wanted, target, limits.max_acceleration_mps2 * dt)
+            velocities[i] = self._bend(i, wanted, target, acceleration * dt)
         return velocities
+
+    def _flying(self) -> list[int]:
+        """Rows of the reference UAV and its companions."""
+        return [self._shape.reference, *self._shape.members]
 
     def _reach(self, i: int, wanted: Vector2, led: Vector2) -> Vector2:
         """Companion i's velocity, pulled in before the reference UAV is out of reach."""
         reach, here = self._reach_m, self._positions
-        height = self._altitudes[i] - self._altitudes[self._reference]
-        east, north = (here[i] - here[self._reference]).tolist()
+        height = self._altitudes[i] - self._altitudes[self._shape.reference]
+        east, north = (here[i] - here[self._shape.reference]).tolist()
         relative = keep_inside(
             (east, north),
             (wanted[0] - led[0], wanted[1] - led[1]),
             math.sqrt(max(reach * reach - height * height, 0.0)),
-            BRAKING_SHARE * self._mission.limits.max_acceleration_mps2,
+            BRAKING_SHARE * self._accelerations[i],
         )
         return (relative[0] + led[0], relative[1] + led[1])
 
@@ -318,23 +335,25 @@ class Planner:
             drift,
             radius,
             limits.cruise_speed_mps,
-            min(limits.cruise_speed_mps, ORBIT_SHARE * orbit_speed(spare, radius, self._shape.d_m)),
+            min(limits.cruise_speed_mps, PACE_SHARE * orbit_speed(spare, radius, self._shape.d_m)),
         )
+        slots = np.vstack([np.zeros(2), self._shape.offsets()])
+        relative = (east - drift[0], north - drift[1])
+        speeds = PACE_SHARE * np.array([self._speeds[i] for i in self._flying()])
+        share = pace(offset, relative, drift, slots, speeds)
+        east, north = drift[0] + share * relative[0], drift[1] + share * relative[1]
         slack, stop = LEASH_M
         leash = max(0.0, min(1.0, (stop - worst_error_m) / (stop - slack)))
         return (leash * east, leash * north)
 
     def _homing_velocities(self, launch: Array, target: Target, dt: float) -> Array:
-        limits = self._mission.limits
         velocities = np.empty_like(self._velocities)
         for i, gap in enumerate((launch - self._positions).tolist()):
+            acceleration = self._accelerations[i]
             home = go_to(
-                (gap[0], gap[1]),
-                HOMING_SHARE * limits.max_speed_mps,
-                0.5 * limits.max_acceleration_mps2,
-                SLOT_GAIN,
+                (gap[0], gap[1]), HOMING_SHARE * self._speeds[i], 0.5 * acceleration, SLOT_GAIN
             )
-            velocities[i] = self._bend(i, home, target, limits.max_acceleration_mps2 * dt)
+            velocities[i] = self._bend(i, home, target, acceleration * dt)
         return velocities
 
     def _bend(self, i: int, wanted: Vector2, target: Target, step_mps: float) -> Vector2:
@@ -345,7 +364,7 @@ class Planner:
         """
         limits = self._mission.limits
         here, last = self._positions[i].tolist(), self._velocities[i].tolist()
-        braking = BRAKING_SHARE * limits.max_acceleration_mps2
+        braking = BRAKING_SHARE * self._accelerations[i]
         drift = target.trusted_velocity
         # Half of the margin is left to the orbit's own overshoot.
         keep_out = limits.stand_off_m + 0.5 * self._mission.formation.stand_off_margin_m
@@ -356,7 +375,7 @@ class Planner:
         velocity = keep_inside(
             (here[0], here[1]), velocity, limits.geofence_radius_m - FENCE_MARGIN_M, braking
         )
-        velocity = limit(velocity, limits.max_speed_mps)
+        velocity = limit(velocity, self._speeds[i])
         change = limit((velocity[0] - last[0], velocity[1] - last[1]), step_mps)
         return (last[0] + change[0], last[1] + change[1])
 
@@ -366,7 +385,7 @@ class Planner:
             return set()
         slots = self._slots()
         shape = self._shape
-        led = velocities[self._reference] + shape.velocities()
+        led = velocities[self._shape.reference] + shape.velocities()
         return {
             i
             for i, velocity in zip(shape.members, led, strict=True)
@@ -376,7 +395,7 @@ class Planner:
 
     def _violations(self, full: Array, phase: Phase, target: Target) -> list[str]:
         """Limits that planned positions break; who is on his way back may be out of reach."""
-        present = sorted([self._reference, *self._shape.members])
+        present = sorted(self._flying())
         joined = [i for i in present if i not in self._returning]
         found = []
         for rows, d_max_m in (
@@ -385,7 +404,7 @@ class Planner:
         ):
             found += violations(
                 full[rows],
-                rows.index(self._reference),
+                rows.index(self._shape.reference),
                 np.array(target.position_enu),
                 self._bounds(d_max_m),
             )

@@ -64,8 +64,14 @@ def clock_fault(vehicle: VehicleState) -> str | None:
     )
 
 
-def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
-    """What still keeps one vehicle on the ground, as sentences' middles; empty when ready."""
+def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = False) -> list[str]:
+    """What still keeps one vehicle on the ground, as sentences' middles; empty when ready.
+
+    Args:
+        vehicle: The vehicle.
+        mission: The mission.
+        may_fly: Whether others may have armed it already.
+    """
     unmet = []
     beat, status = vehicle.heartbeat, vehicle.status
     if beat is not None:
@@ -76,7 +82,7 @@ def unmet_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
             unmet.append(f"its autopilot is {beat.autopilot}, not {wanted} (swarm.autopilot)")
         if not beat.is_multirotor:
             unmet.append("it is not a multirotor")
-        if beat.armed:
+        if beat.armed and not may_fly:
             unmet.append("it is armed already; land and disarm it first")
     if vehicle.version is None:
         unmet.append("it has not told its hardware id (AUTOPILOT_VERSION)")
@@ -156,6 +162,7 @@ class Preflight:
         mission: The mission.
         fleet: The vehicles.
         now: Controller's time, s.
+        shadow: Whether others fly the vehicles.
 
     Attributes:
         settings: The vehicles' failsafe parameters.
@@ -163,7 +170,8 @@ class Preflight:
         complete: Whether every check of every vehicle has passed.
     """
 
-    def __init__(self, mission: Mission, fleet: Fleet, now: float) -> None:
+    def __init__(self, mission: Mission, fleet: Fleet, now: float, *, shadow: bool = False) -> None:
+        self._shadow = shadow
         self._mission = mission
         self._fleet = fleet
         self._since = now
@@ -197,17 +205,19 @@ class Preflight:
         if fault is not None:
             self.failure = Failure("clock_mismatch", fault)
             return []
-        unready = {v.sysid for v in vehicles if unmet_checks(v, self._mission)}
+        unready = {
+            v.sysid for v in vehicles if unmet_checks(v, self._mission, may_fly=self._shadow)
+        }
         commands = [
             command
             for v in vehicles
             if v.heartbeat is not None and v.sysid in unready
             for command in self._ask(v.sysid, now)
         ]
-        # Nothing is set on vehicles that could not fly anyway.
-        commands += self.settings.step(now, may_set=not unready)
-        if not unready:
-            commands += self._upload_fences(now)
+        if not self._shadow:
+            # Nothing is set on vehicles that could not fly anyway.
+            commands += self.settings.step(now, may_set=not unready)
+            commands += [] if unready else self._upload_fences(now)
         unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         if not self.all_heard:
             if now - self._since > ANSWER_TIMEOUT_S:
@@ -215,7 +225,7 @@ class Preflight:
             return commands
         if self._heard_since is None:
             self._heard_since = now
-        refusal = None if unready else self.settings.refusal()
+        refusal = None if unready or self._shadow else self.settings.refusal()
         if refusal is not None:
             self.failure = Failure("unsafe_failsafes", refusal)
         elif not unmet:
@@ -226,7 +236,10 @@ class Preflight:
         return commands
 
     def _unmet(self, vehicle: VehicleState) -> list[str]:
-        unmet = unmet_checks(vehicle, self._mission) + self.settings.unmet(vehicle)
+        unmet = unmet_checks(vehicle, self._mission, may_fly=self._shadow)
+        if self._shadow:
+            return unmet
+        unmet += self.settings.unmet(vehicle)
         if self._mission.limits.upload_geofence and not self._is_fenced(vehicle):
             outcome = self._fence.get(vehicle.sysid)
             said = "" if outcome is None else f" ({outcome.detail})"

@@ -38,18 +38,24 @@ class Shape:
 
     Args:
         mission: The mission.
-        companions: Rows of the companions among the mission's vehicles.
-        heights_m: Height of each above the reference UAV, m.
+
+    Attributes:
+        reference: Row of the reference UAV among the mission's vehicles.
+        members: Rows of the companions that fly in the formation.
+        d_m: Greatest distance of a slot from the reference UAV, m.
+        los: The LOS the formation is drawn against.
 
     Raises:
         FormationError: The design does not fit the mission's limits.
     """
 
-    def __init__(self, mission: Mission, companions: Sequence[int], heights_m: Array) -> None:
+    def __init__(self, mission: Mission) -> None:
         self._mission = mission
-        self._heights = dict(zip(companions, heights_m.tolist(), strict=True))
+        self._altitudes = [vehicle.altitude_amsl_m for vehicle in mission.swarm.vehicles]
         self.d_m = mission.limits.d_max_m - mission.formation.margin_m
-        self.members = list(companions)
+        sysids = mission.swarm.sysids
+        self.reference = sysids.index(mission.swarm.reference)
+        self.members = [i for i in range(len(sysids)) if i != self.reference]
         self.los = LineOfSight(0.0, 0.0)
         self._books: dict[int, DesignBook] = {}
         self._range_m = math.inf
@@ -101,20 +107,24 @@ class Shape:
         """Nearest the reference UAV may come to the emitter, m."""
         return self._book.orbit_m
 
-    def begin(self, positions: Array, reference: Array, bearing_rad: float, range_m: float) -> None:
+    def begin(self, positions: Array, emitter: Array) -> None:
         """Share out the slots anew.
 
         Args:
             positions: (n, 2) of all vehicles, m.
-            reference: (2,) of the reference UAV, m.
-            bearing_rad: Of the estimate, rad from East.
-            range_m: To the estimate, m.
+            emitter: (2,) of the estimate, m.
+
+        Raises:
+            FormationError: No design fits as few as are left.
         """
-        self.los = LineOfSight(bearing_rad, 0.0)
-        self._range_m = range_m
-        self._design = self._book.choose(range_m, 0.0)
-        self._share_out(_turned(positions[self.members] - reference, -bearing_rad))
+        reference = positions[self.reference]
+        east, north = (emitter - reference).tolist()
+        self.los = LineOfSight(math.atan2(north, east), 0.0)
+        self._range_m = math.hypot(east, north)
+        self._design = self._book.choose(self._range_m, 0.0)
+        self._share_out(_turned(positions[self.members] - reference, -self.los.angle_rad))
         self._slots = self._goals
+        self._morphing = np.zeros_like(self._slots)
 
     def turn(
         self,
@@ -196,6 +206,36 @@ class Shape:
         self.members.append(companion)
         self._choose_anew(np.vstack([self._slots, _turned(offset, -self.los.angle_rad)]))
 
+    def succeed(self, positions: Array, emitter: Array) -> None:
+        """Fly on without the reference UAV: the best-placed companion takes its place.
+
+        That is the one that leaves the others least out of its reach, and of equals the one
+        for which they have the least squared way to go.
+
+        Args:
+            positions: (n, 2) of all vehicles, m.
+            emitter: (2,) of the estimate, m.
+
+        Raises:
+            FormationError: No design fits as few as are left.
+        """
+        candidates = list(self.members)
+
+        def cost(successor: int) -> tuple[float, float]:
+            self._lead(successor, candidates)
+            self.begin(positions, emitter)
+            gaps = positions[self.members] - positions[successor]
+            farthest = float(np.linalg.norm(gaps, axis=1).max(initial=0.0))
+            ways = gaps - self.offsets()
+            return max(0.0, farthest - self.d_m), float((ways**2).sum())
+
+        self._lead(min(candidates, key=cost), candidates)
+        self.begin(positions, emitter)
+
+    def _lead(self, successor: int, candidates: Sequence[int]) -> None:
+        self.reference = successor
+        self.members = [i for i in candidates if i != successor]
+
     def _choose_anew(self, slots: Array) -> None:
         self._design = self._book.choose(self._range_m, 0.0)
         self._slots = slots
@@ -205,7 +245,8 @@ class Shape:
     def _share_out(self, slots: Array) -> None:
         """Give each member the slot of the design that is least squared path away."""
         taken = assign(slots, slots_in_los_frame(self._design))
-        heights = np.array([self._heights[member] for member in self.members])
+        level = self._altitudes[self.reference]
+        heights = np.array([self._altitudes[member] - level for member in self.members])
         design = self._design[taken]
         design[:, 1] = np.maximum(design[:, 1], FLYABLE * np.abs(heights))
         self._goals = slots_in_los_frame(level_design(design, heights))

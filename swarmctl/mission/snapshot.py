@@ -84,7 +84,7 @@ class Snapshot:
         estimate: The emitter's estimate; the prior before any measurement.
         rd_rate_hz: Range differences used per second, over the last seconds.
         rd_used: Range differences used.
-        rd_dropped: Range differences that could not be used.
+        rd_dropped: Range differences and arrival times that could not be used.
     """
 
     mission: str
@@ -102,7 +102,9 @@ class Snapshot:
 def take_snapshot(controller: Controller, now: float) -> Snapshot:
     """Picture of a mission at the controller's time ``now``, s."""
     mission, observer = controller.mission, controller.observer
-    slots = {slot.sysid: slot for slot in controller.plan.slots} if controller.plan else {}
+    plan = controller.plan
+    slots = {slot.sysid: slot for slot in plan.slots} if plan is not None else {}
+    reference = plan.reference if plan is not None else mission.swarm.reference
     vehicles = []
     for vehicle in controller.fleet.vehicles.values():
         slot, beat, quality = slots.get(vehicle.sysid), vehicle.heartbeat, vehicle.quality
@@ -110,7 +112,7 @@ def take_snapshot(controller: Controller, now: float) -> Snapshot:
         vehicles.append(
             VehicleSnapshot(
                 sysid=vehicle.sysid,
-                is_reference=vehicle.sysid == mission.swarm.reference,
+                is_reference=vehicle.sysid == reference,
                 mode=beat.mode_name if beat is not None else "",
                 armed=vehicle.is_armed,
                 alt_amsl_m=vehicle.position.alt_amsl_m if vehicle.position is not None else None,

@@ -45,6 +45,7 @@ async def fly(
     broker: str | None = None,
     speedup: float = 1.0,
     seed: int | None = None,
+    shadow: bool = False,
     on_snapshot: Callable[[Snapshot], None] | None = None,
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 1.0,
@@ -59,6 +60,7 @@ async def fly(
         broker: URL of the MQTT broker; None takes the mission's.
         speedup: Seconds of mission time per second; 1 for real vehicles.
         seed: Stamped on the results of a simulated flight.
+        shadow: Compute and record every command, but send only requests for information.
         on_snapshot: Called every ``snapshot_every_s`` of wall time.
         on_notice: Called with each sentence for the operator.
         snapshot_every_s: See ``on_snapshot``, s of wall time.
@@ -75,7 +77,7 @@ async def fly(
     loop = asyncio.get_running_loop()
     began = loop.time()
     with Recording(mission, Path(mission_path), out, seed) as recording:
-        station = Station(mission, 0.0, time.time(), recording, HICCUP_S * speedup)
+        station = Station(mission, 0.0, time.time(), recording, HICCUP_S * speedup, shadow=shadow)
         shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
         async with contextlib.AsyncExitStack() as stack:
             endpoint = await open_udp(mission.swarm.link, shell.datagram)

@@ -80,6 +80,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
             rate_hz=section.receivers.rate_hz,
             sigma_m=section.receivers.sigma_m,
             rho=section.receivers.rho,
+            publish=section.receivers.publish,
         ),
         navigation=NavigationConfig(
             white_sigma_m=section.navigation.white_sigma_m,

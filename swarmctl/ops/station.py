@@ -13,9 +13,17 @@ import msgspec
 import numpy as np
 
 from swarmctl.estimation.consistency import ellipse
-from swarmctl.events import Estimate, FeedConnection, Notice, Observation, OperatorRequest, Record
+from swarmctl.events import (
+    Estimate,
+    FeedConnection,
+    Inquiry,
+    Notice,
+    Observation,
+    OperatorRequest,
+    Record,
+)
 from swarmctl.feed.intake import FeedIntake, decode_truth
-from swarmctl.feed.schema import EstimateMessage, estimate_topic, tdoa_topic, truth_topic
+from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
 from swarmctl.link.link import Address, MavlinkLink
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.model import Mission
@@ -48,6 +56,8 @@ class Station:
         utc_offset_s: The station's own UTC less its monotonic time, s; stamps the recording.
         recorder: Where everything is recorded; None for nowhere.
         hiccup_s: Silence that this computer may be to blame for, in the station's seconds.
+        shadow: Every command is computed and recorded, but only requests for information are
+            sent: others fly the vehicles.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
@@ -60,9 +70,12 @@ class Station:
         utc_offset_s: float,
         recorder: Recorder | None,
         hiccup_s: float = 0.0,
+        *,
+        shadow: bool = False,
     ) -> None:
         sysids = mission.swarm.sysids
-        self.controller = Controller(mission, now, hiccup_s)
+        self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
+        self._shadow = shadow
         self.link = MavlinkLink(gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids)
         self.intake = FeedIntake(mission.swarm.name, sysids)
         self._frame = mission.frame
@@ -77,7 +90,7 @@ class Station:
     @property
     def topics(self) -> tuple[str, ...]:
         """MQTT topics to subscribe to; the truth is for the recorder alone."""
-        topics = (tdoa_topic(self._swarm),)
+        topics = self.intake.topics
         return topics if self._recorder is None else (*topics, self._truth_topic)
 
     @property
@@ -139,7 +152,8 @@ class Station:
             for command in commands:
                 if recorder is not None:
                     recorder.record(command, utc)
-                link.send(command, now)
+                if not self._shadow or isinstance(command, Inquiry):
+                    link.send(command, now)
             if not events and not commands:
                 break
         if recorder is not None:

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from swarmctl.estimation.alignment import PositionHistory
 from swarmctl.estimation.bounds import CramerRaoBound
 from swarmctl.estimation.motion import ConstantVelocity
+from swarmctl.estimation.pairing import Arrival, differences
 from swarmctl.estimation.rd_model import rd_covariance
-from swarmctl.events import Estimate, RangeDifferences
+from swarmctl.events import ArrivalTime, Estimate, RangeDifferences
 from swarmctl.frames import Vector
 from swarmctl.recorder.series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
@@ -26,7 +27,7 @@ _MAX_EXTRAPOLATION_S = 1.0
 _WAITING = 4096
 """Estimates that wait for the truth to cover their epoch; without truth the oldest go."""
 _EPOCHS = 256
-"""Epochs of range differences that wait for their estimate; those dropped never get one."""
+"""Epochs and bursts that wait for their estimate; those dropped never get one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +71,9 @@ class Accuracy:
     """Compares estimates with the truth, and runs the bound along the way.
 
     The bound is the posterior Cramér-Rao bound of the tracker's own model: its prior at the
-    first update, its process noise, and every epoch of range differences that led to an
-    estimate, with the emitter at its true position and the UAVs where they reported to be. It
-    ends with the observing phases, since it costs more than all the rest.
+    first update, its process noise, and every epoch of range differences or arrival times that
+    led to an estimate, with the emitter at its true position and the UAVs where they reported to
+    be. It ends with the observing phases, since it costs more than all the rest.
 
     Args:
         reference: System id of the reference UAV.
@@ -83,6 +84,7 @@ class Accuracy:
         series: Takes the estimates, errors and bounds.
 
     Attributes:
+        reference: System id of the reference UAV.
         final_estimate: The last estimate made while observing; until there is one, the last.
         converged_at_s: Mission time at which the estimate converged, s.
     """
@@ -97,7 +99,7 @@ class Accuracy:
         truth: TruthTrack,
         series: FlightSeries,
     ) -> None:
-        self._reference = reference
+        self.reference = reference
         self._bound = CramerRaoBound(prior_covariance, ConstantVelocity(process_noise))
         self._bound_epoch_s: float | None = None
         self._sigma_p_m = sigma_p_m
@@ -105,6 +107,7 @@ class Accuracy:
         self._series = series
         self._histories: dict[int, PositionHistory] = {}
         self._measured: dict[float, dict[int, list[_Measurement]]] = {}
+        self._bursts: dict[int, list[Arrival]] = {}
         self._waiting: deque[_Waiting] = deque(maxlen=_WAITING)
         self._last: Outcome | None = None
         self._last_observing: Outcome | None = None
@@ -149,6 +152,13 @@ class Accuracy:
         if len(self._measured) > _EPOCHS:
             del self._measured[next(iter(self._measured))]
 
+    def add_arrival(self, event: ArrivalTime) -> None:
+        """Take an arrival time. Those of one burst are one measurement."""
+        arrival = Arrival(event.receiver, event.toa_s, event.toa_frac_s, event.sigma_s)
+        self._bursts.setdefault(event.burst, []).append(arrival)
+        if len(self._bursts) > _EPOCHS:
+            del self._bursts[next(iter(self._bursts))]
+
     def add_estimate(self, estimate: Estimate, time_s: float, *, observing: bool) -> None:
         """Take an estimate made at mission time ``time_s`` (s)."""
         east, north, _ = estimate.position_enu
@@ -164,12 +174,28 @@ class Accuracy:
         self._waiting.append(
             _Waiting(
                 estimate=estimate,
-                measured=self._measured.pop(estimate.epoch_utc_s, {}),
+                measured=self._measured.pop(estimate.epoch_utc_s, {})
+                or self._paired(estimate.epoch_utc_s),
                 time_s=time_s,
                 observing=observing,
                 converged=self.converged_at_s is not None,
             )
         )
+
+    def _paired(self, epoch_s: float) -> dict[int, list[_Measurement]]:
+        """The burst that was used at an epoch: the arrival time at whoever was its reference."""
+        for number in reversed(self._bursts):
+            for reference in self._bursts[number]:
+                if reference.epoch_s == epoch_s:
+                    others = [
+                        arrival
+                        for arrival in self._bursts.pop(number)
+                        if arrival.receiver != reference.receiver
+                        and arrival.may_share_burst(reference)
+                    ]
+                    measured = differences(reference, others).items()
+                    return {reference.receiver: [(i, m.sigma_m, m.rho) for i, m in measured]}
+        return {}
 
     def settle(self, until_s: float) -> None:
         """Compare the estimates up to an epoch that the truth covers (UTC, s) with it."""
@@ -189,7 +215,7 @@ class Accuracy:
         if bound is not None:
             self._series.bounds.add((waiting.time_s, bound))
         self._series.errors.add((waiting.time_s, error))
-        uav = self._position(self._reference, estimate.epoch_utc_s)
+        uav = self._position(self.reference, estimate.epoch_utc_s)
         self._last = Outcome(
             estimate=estimate,
             emitter=emitter,

@@ -14,6 +14,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from swarmctl.events import (
+    ArrivalTime,
     Decision,
     EmitterTruth,
     Estimate,
@@ -98,6 +99,7 @@ class Debrief:
         self._takers: dict[type[Record], Callable[[Any, float], None]] = {
             VehiclePosition: self._position,
             RangeDifferences: self._range_differences,
+            ArrivalTime: self._arrival_time,
             Estimate: self._estimate,
             Plan: self._plan,
             EmitterTruth: self._emitter,
@@ -166,7 +168,7 @@ class Debrief:
         ``d_max_m``, ``stand_off_m``
             The mission's limits.
         ``rd_measurements``, ``estimates``
-            Range differences received and estimates made.
+            Range differences or arrival times received, and estimates made.
 
         May be called at any time, and again; truth may come up to 2 s short of the end.
         """
@@ -214,6 +216,10 @@ class Debrief:
         self._rd_measurements += len(record.items)
         self._accuracy.add_range_differences(record)
 
+    def _arrival_time(self, record: ArrivalTime, _time_s: float) -> None:
+        self._rd_measurements += 1
+        self._accuracy.add_arrival(record)
+
     def _estimate(self, record: Estimate, time_s: float) -> None:
         self._estimates += 1
         self._accuracy.add_estimate(record, time_s, observing=self._observing)
@@ -238,16 +244,20 @@ class Debrief:
     def _plan(self, plan: Plan, time_s: float) -> None:
         if plan.formed and self._formed_at_s is None:
             self._formed_at_s = time_s
+        references = self.series.references
+        if not references or references[-1][1] != plan.reference:
+            references.append((time_s, plan.reference))
+            self._accuracy.reference = plan.reference
         counts = plan.formed and self._observing
         for slot in plan.slots:
-            if slot.sysid == self.settings.reference:
+            if slot.sysid == plan.reference:
                 continue
             error, reach = slot.error_m, slot.range_to_reference_m
             if error is not None:
                 _greatest(self.series.slot_errors, slot.sysid).add(time_s, error)
             if reach is not None:
                 _greatest(self.series.ranges, slot.sysid).add(time_s, reach)
-            if not counts:
+            if not (counts and slot.joined):
                 continue
             if error is not None:
                 self._slot_error_sq_sum += error * error

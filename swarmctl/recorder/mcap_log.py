@@ -16,6 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 import swarmctl
 from swarmctl.events import (
+    ArrivalTime,
     Command,
     Decision,
     EmitterTruth,
@@ -28,6 +29,7 @@ from swarmctl.events import (
 
 _OBSERVATION_FAMILIES: dict[type[Record], str] = {
     RangeDifferences: "feed",
+    ArrivalTime: "feed",
     FeedConnection: "feed",
     EmitterTruth: "truth",
     OperatorRequest: "operator",

@@ -41,6 +41,8 @@ _FOLLOWERS = (
 )  # fmt: skip
 """Told apart by most colour-blind eyes as far as there are this few of them."""
 
+_LOST_S = 5.0
+"""A vehicle silent for so long is in no formation."""
 _CLOSE_UP_S = 30.0
 _DPI = 130
 
@@ -139,15 +141,22 @@ def _draw_flight(axes: Axes, debrief: Debrief) -> None:
 
 def _draw_formations(axes: Axes, debrief: Debrief) -> None:
     """The formation at a few instants of the observing phases, as spokes from the reference."""
-    series, reference = debrief.series, debrief.settings.reference
+    series = debrief.series
     begin, end = _observing_span(debrief)
-    if end <= begin or reference not in series.tracks:
+    if end <= begin:
         return
     colours = _colours(debrief)
     for instant in np.linspace(begin, end, 5):
-        x0, y0 = _track_at(series.tracks[reference], instant)
-        for sysid, track in series.tracks.items():
-            x, y = _track_at(track, instant)
+        leading = [sysid for since, sysid in series.references if since <= instant]
+        at = {
+            sysid: _track_at(track, instant)
+            for sysid, track in series.tracks.items()
+            if track.rows[-1][0] > instant - _LOST_S
+        }
+        if not leading or leading[-1] not in at:
+            continue
+        x0, y0 = at[leading[-1]]
+        for sysid, (x, y) in at.items():
             axes.plot((x0, x), (y0, y), color=_FAINT, lw=0.8, zorder=2)
             axes.plot(x, y, "o", color=colours[sysid], ms=5.5, mec="white", mew=0.8, zorder=7)
         axes.annotate(

@@ -92,6 +92,7 @@ class FlightSeries:
         ranges: Per follower: greatest distance from the reference UAV.
         standoffs: Least distance of any airborne UAV from the true emitter.
         phases: Time and name of each phase entered.
+        references: Time from which each reference UAV led, and its system id.
     """
 
     tracks: dict[int, Series] = field(default_factory=dict)
@@ -105,3 +106,4 @@ class FlightSeries:
     ranges: dict[int, Extremes] = field(default_factory=dict)
     standoffs: Extremes = field(default_factory=lambda: Extremes(min))
     phases: list[tuple[float, str]] = field(default_factory=list)
+    references: list[tuple[float, int]] = field(default_factory=list)

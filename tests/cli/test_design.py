@@ -66,6 +66,15 @@ def test_a_track_may_be_what_counts(tmp_path: Path) -> None:
     assert long["slots"] != document("--n", "4", cwd=tmp_path)["slots"]
 
 
+@pytest.mark.parametrize(("n", "name"), [("1", "optimal"), ("2", "uniform")])
+def test_what_cannot_be_seen_from_one_place_is_said(tmp_path: Path, n: str, name: str) -> None:
+    done = design("--n", n, "--design", name, cwd=tmp_path)
+    assert "do not tell where the emitter is" in done.stdout
+    assert "nan" not in done.stdout + done.stderr
+    found = document("--n", n, "--design", name, cwd=tmp_path)
+    assert found["predicted"]["sigma_along_m"] is None
+
+
 def test_axis_slots_are_behind_unless_ahead_is_asked_for(tmp_path: Path) -> None:
     behind, ahead = (
         sorted(

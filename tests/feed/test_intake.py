@@ -12,9 +12,17 @@ from hypothesis import strategies as st
 
 from swarmctl import events
 from swarmctl.feed.intake import FeedIntake, decode_truth
-from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage, tdoa_topic, truth_topic
+from swarmctl.feed.schema import (
+    ArrivalTimeMessage,
+    RangeDifferenceMessage,
+    TruthMessage,
+    tdoa_topic,
+    toa_topic,
+    truth_topic,
+)
 
 TOPIC = tdoa_topic("alpha")
+TOA_TOPIC = toa_topic("alpha", 2)
 NOW = 17.5
 GOOD: dict[str, Any] = {
     "v": 1,
@@ -24,6 +32,18 @@ GOOD: dict[str, Any] = {
     "rd_m": -12.5,
     "sigma_m": 3.0,
     "rho": 0.5,
+    "clock_sigma_s": 2e-9,
+    "seq": 7,
+}
+
+
+ARRIVAL: dict[str, Any] = {
+    "v": 1,
+    "receiver": 2,
+    "toa_s": 1_790_000_012,
+    "toa_frac_s": 0.350_007_421_912_345_6,
+    "burst": 3,
+    "sigma_s": 7e-9,
     "clock_sigma_s": 2e-9,
     "seq": 7,
 }
@@ -40,6 +60,10 @@ def encode(value: object) -> bytes:
 @pytest.fixture
 def intake() -> FeedIntake:
     return FeedIntake("alpha", receivers=[1, 2, 3, 4])
+
+
+def arrival(**changes: object) -> bytes:
+    return encode(ARRIVAL | changes)
 
 
 def rejected_kinds(observations: list[events.Observation]) -> list[str]:
@@ -176,12 +200,112 @@ def test_one_epoch_has_one_rho(intake: FeedIntake) -> None:
     assert [item.receiver for item in taken.items] == [2]
 
 
+# --- Arrival times ---------------------------------------------------------------------
+
+
+def test_an_arrival_time_becomes_one_observation_and_loses_nothing(intake: FeedIntake) -> None:
+    assert intake.receive(TOA_TOPIC, arrival(), NOW) == [
+        events.ArrivalTime(
+            received_s=NOW,
+            receiver=2,
+            toa_s=1_790_000_012,
+            toa_frac_s=0.350_007_421_912_345_6,
+            burst=3,
+            sigma_s=7e-9,
+            clock_sigma_s=2e-9,
+            seq=7,
+        )
+    ]
+    assert (intake.messages_in, intake.arrival_times_in) == (1, 1)
+    assert not intake.rejected
+
+
+def test_the_topics_are_a_subscription_to_both_kinds(intake: FeedIntake) -> None:
+    assert intake.topics == ("swarm/alpha/tdoa", "swarm/alpha/toa/+")
+    assert TOA_TOPIC == "swarm/alpha/toa/2"
+
+
+def test_a_receiver_may_send_several_arrival_times_at_once(intake: FeedIntake) -> None:
+    sent = [
+        ArrivalTimeMessage(
+            receiver=2, toa_s=5, toa_frac_s=0.0, burst=burst, sigma_s=1e-8, clock_sigma_s=0.0, seq=0
+        )
+        for burst in (1, 2)
+    ]
+    fault, *taken = reversed(
+        intake.receive(TOA_TOPIC, encode([sent[0], ARRIVAL | {"burst": -1}, sent[1]]), NOW)
+    )
+    assert isinstance(fault, events.InputRejected)
+    assert fault.kind == "wrong_schema"
+    assert "an arrival time message" in fault.detail
+    assert [o.burst for o in taken if isinstance(o, events.ArrivalTime)] == [2, 1]
+
+
+REJECTED_ARRIVALS = {
+    "not json": (b"noon", "not_json"),
+    "NaN": (arrival().replace(b"7e-9", b"NaN"), "not_json"),
+    "infinite fraction": (arrival(toa_frac_s=0.5).replace(b"0.5", b"Infinity"), "not_json"),
+    "nested beyond the stack": (b'{"x":' + b"[" * 100_000, "not_json"),
+    "missing field": (encode({k: v for k, v in ARRIVAL.items() if k != "burst"}), "wrong_schema"),
+    "a range difference": (encode(GOOD), "wrong_schema"),
+    "wrong version": (arrival(v=2), "wrong_schema"),
+    "one float for both parts": (arrival(toa_s=1_790_000_012.35), "wrong_schema"),
+    "fraction of one": (arrival(toa_frac_s=1.0), "wrong_schema"),
+    "negative fraction": (arrival(toa_frac_s=-1e-9), "wrong_schema"),
+    "fraction in nanoseconds": (arrival(toa_frac_s=350_007_421), "wrong_schema"),
+    "before 1970": (arrival(toa_s=-1), "wrong_schema"),
+    "no error at all": (arrival(sigma_s=0.0), "wrong_schema"),
+    "milliseconds": (arrival(toa_s=1_790_000_012_350), "absurd_value"),
+    "400 digits": (arrival().replace(b"1790000012", b"9" * 400), "wrong_schema"),
+    "sigma in nanoseconds": (arrival(sigma_s=7.0), "absurd_value"),
+    "sigma in metres": (arrival(sigma_s=2.1), "absurd_value"),
+    "sigma too good": (arrival(sigma_s=1e-200), "absurd_value"),
+    "absurd clock": (arrival(clock_sigma_s=1.0), "absurd_value"),
+    "burst beyond 64 bits": (arrival(burst=2**63), "absurd_value"),
+    "seq beyond 64 bits": (arrival(seq=2**63), "absurd_value"),
+    "another receiver's topic": (arrival(receiver=3), "wrong_topic"),
+}
+
+
+@pytest.mark.parametrize(
+    ("payload", "kind"), REJECTED_ARRIVALS.values(), ids=REJECTED_ARRIVALS.keys()
+)
+def test_each_kind_of_bad_arrival_time_is_reported_once_and_then_counted(
+    intake: FeedIntake, payload: bytes, kind: str
+) -> None:
+    (first,) = intake.receive(TOA_TOPIC, payload, NOW)
+    assert isinstance(first, events.InputRejected)
+    assert (first.received_s, first.source, first.kind) == (NOW, "feed", kind)
+    assert first.detail.startswith(f"{TOA_TOPIC}: ")
+    assert intake.receive(TOA_TOPIC, payload, NOW) == []
+    assert intake.rejected == {kind: 2}
+    assert intake.arrival_times_in == 0
+    assert rejected_kinds(intake.receive(TOA_TOPIC, arrival(), NOW)) == []
+    assert intake.arrival_times_in == 1
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind"),
+    [
+        (toa_topic("alpha", 9), "unknown_receiver"),
+        ("swarm/alpha/toa/09", "wrong_topic"),
+        ("swarm/alpha/toa/", "wrong_topic"),
+        (toa_topic("bravo", 9), "unexpected_topic"),
+        ("swarm/alpha/toa", "unexpected_topic"),
+    ],
+)
+def test_the_topic_names_a_receiver_of_this_swarm(
+    intake: FeedIntake, topic: str, kind: str
+) -> None:
+    assert rejected_kinds(intake.receive(topic, arrival(receiver=9), NOW)) == [kind]
+
+
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
     lambda children: st.lists(children) | st.dictionaries(st.text(), children),
     max_leaves=8,
 )
-MUTATED_FIELDS = st.dictionaries(st.sampled_from(sorted(GOOD)), JSON, max_size=3)
+MUTATED_FIELDS = st.dictionaries(st.sampled_from(sorted(GOOD | ARRIVAL)), JSON, max_size=3)
 
 
 def spliced(payload: bytes, at: float, insert: bytes, drop: int) -> bytes:
@@ -193,6 +317,7 @@ PAYLOADS = (
     st.binary()
     | JSON.map(encode)
     | MUTATED_FIELDS.map(lambda fields: encode(message(**fields)))
+    | MUTATED_FIELDS.map(lambda fields: arrival(**fields))
     | st.lists(MUTATED_FIELDS.map(lambda fields: message(**fields))).map(encode)
     | st.builds(
         spliced, st.just(encode([GOOD, GOOD])), st.floats(0, 1), st.binary(), st.integers(0, 9)
@@ -204,9 +329,14 @@ PAYLOADS = (
 def test_no_bytes_raise_and_the_next_good_message_is_taken(payloads: list[bytes]) -> None:
     intake = FeedIntake("alpha", receivers=[1, 2, 3, 4])
     for payload in payloads:
-        for observation in intake.receive(TOPIC, payload, NOW):
+        for observation in (
+            *intake.receive(TOPIC, payload, NOW),
+            *intake.receive(TOA_TOPIC, payload, NOW),
+        ):
             # What comes out can be recorded and read back.
-            assert isinstance(observation, events.RangeDifferences | events.InputRejected)
+            assert isinstance(
+                observation, events.RangeDifferences | events.ArrivalTime | events.InputRejected
+            )
             kind = type(observation)
             assert msgspec.json.decode(msgspec.json.encode(observation), type=kind) == observation
         decode_truth(payload, NOW)

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from swarmctl.formation.guidance import (
     follow_line_of_sight,
     go_to,
     orbit_speed,
+    pace,
     wrap_angle,
 )
 
@@ -28,6 +30,45 @@ def test_the_outermost_follower_flies_exactly_the_top_speed() -> None:
     speed = orbit_speed(13.0, 425.0, 285.0)
     rate = speed / 425.0
     assert rate * (425.0 + 285.0) == pytest.approx(13.0)
+
+
+speed = st.floats(-15, 15)
+
+
+@given(
+    st.tuples(st.floats(100, 3000), st.floats(-500, 500)),
+    st.tuples(speed, speed),
+    st.tuples(st.floats(-2, 2), st.floats(-2, 2)),
+    st.lists(st.tuples(st.floats(-300, 300), st.floats(-300, 300), st.floats(4, 20)), max_size=5),
+)
+def test_at_the_pace_everyone_just_keeps_up(
+    offset: tuple[float, float],
+    relative: tuple[float, float],
+    drift: tuple[float, float],
+    others: list[tuple[float, float, float]],
+) -> None:
+    slots = np.array([(0.0, 0.0), *((x, y) for x, y, _ in others)])
+    speeds = np.array([13.0, *(most for _, _, most in others)])
+    share = pace(offset, relative, drift, slots, speeds)
+
+    def load(share: float) -> float:
+        # Where the slots are after a little while, by rotating the whole formation.
+        h = 1e-4
+        moved = (offset[0] + share * relative[0] * h, offset[1] + share * relative[1] * h)
+        turn = math.atan2(moved[1], moved[0]) - math.atan2(offset[1], offset[0])
+        c, s = math.cos(turn), math.sin(turn)
+        shift = np.array(moved) - np.array(offset) + h * np.array(drift)
+        velocity = (slots @ np.array([[c, s], [-s, c]]) + shift - slots) / h
+        return float((np.linalg.norm(velocity, axis=1) / speeds).max())
+
+    assert 0.0 <= share <= 1.0
+    assert load(share) <= 1.0 + 1e-3
+    if share < 1.0:
+        assert load(share) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_whoever_cannot_even_follow_the_emitter_stops_the_swarm() -> None:
+    assert pace((1000.0, 0.0), (-5.0, 0.0), (3.0, 0.0), np.zeros((1, 2)), np.array([2.0])) == 0.0
 
 
 def test_the_approach_joins_the_orbit_and_stays_on_it() -> None:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.events import RangeDifference, RangeDifferences, VehiclePosition
+from swarmctl.estimation.pairing import SPEED_OF_LIGHT_MPS
+from swarmctl.events import ArrivalTime, RangeDifference, RangeDifferences, VehiclePosition
 from swarmctl.frames import Vector
 from swarmctl.mission.loading import parse_mission
 from swarmctl.mission.observer import Observer, emitter_prior, process_noise
@@ -53,6 +54,21 @@ def measure(observer: Observer, epoch: float, emitter: Vector) -> None:
     )
 
 
+def arrive(observer: Observer, sysid: int, seconds: int, emitter: Vector) -> None:
+    observer.arrival(
+        ArrivalTime(
+            received_s=0.0,
+            receiver=sysid,
+            toa_s=seconds,
+            toa_frac_s=math.dist(emitter, PLACES[sysid]) / SPEED_OF_LIGHT_MPS,
+            burst=seconds,
+            sigma_s=3.0 / math.sqrt(2.0) / SPEED_OF_LIGHT_MPS,
+            clock_sigma_s=0.0,
+            seq=0,
+        )
+    )
+
+
 def test_the_prior_is_the_missions() -> None:
     mean, covariance = emitter_prior(MISSION)
     assert mean[:3] == pytest.approx(MISSION.frame.to_enu(*MISSION.emitter.geodetic))
@@ -81,6 +97,55 @@ def test_measurements_draw_the_target_to_the_emitter() -> None:
     assert observer.rate_hz() == pytest.approx(30.0, rel=0.03)
     error = math.dist(observer.target.position_enu[:2], emitter[:2])
     assert error < observer.target.sigma_m < 30.0
+
+
+@pytest.mark.parametrize("leader", [1, 3])
+def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
+    stamped, differenced = Observer(MISSION, 0.0), Observer(MISSION, 0.0)
+    stamped.leader = leader
+    east, north, up = stamped.target.position_enu
+    emitter = (east + 50.0, north - 30.0, up)
+    for second in range(1000, 1011):
+        for observer in (stamped, differenced):
+            report(observer, float(second))
+        for sysid in PLACES:
+            arrive(stamped, sysid, second, emitter)
+        measure(differenced, float(second), emitter)
+        stamped.process(0.0)
+        differenced.process(0.0)
+    assert (stamped.used, differenced.used) == (30, 33)  # the last burst waits for positions
+    assert stamped.last is not None
+    path_s = math.dist(emitter, PLACES[leader]) / SPEED_OF_LIGHT_MPS
+    assert stamped.last.epoch_utc_s == pytest.approx(1009.0 + path_s, abs=1e-9)
+    for observer in (stamped, differenced):
+        observer.predict(1010.0)
+        error_m = math.dist(observer.target.position_enu, emitter)
+        assert error_m < observer.target.sigma_m < MISSION.emitter.sigma_m
+
+
+def test_receivers_that_do_not_fit_together_are_complained_of_once() -> None:
+    observer = Observer(MISSION, 0.0)
+    for second in range(1000, 1015):
+        report(observer, float(second))
+        arrive(observer, 1, second, (400.0, 700.0, 0.0))
+        observer.arrival(
+            ArrivalTime(
+                received_s=0.0,
+                receiver=2,
+                toa_s=second,
+                toa_frac_s=0.5,
+                burst=second,
+                sigma_s=1e-8,
+                clock_sigma_s=0.0,
+                seq=0,
+            )
+        )
+        observer.process(0.0)
+    assert observer.used == 0
+    assert observer.dropped > 10
+    (complaint,) = observer.complaints()
+    assert complaint.startswith("receiver 1 heard burst 1000 -0.49")
+    assert observer.complaints() == []
 
 
 def test_positions_without_an_epoch_are_of_no_use() -> None:

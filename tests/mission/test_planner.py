@@ -130,6 +130,62 @@ def test_an_estimate_that_is_not_sharp_is_not_approached(mission: Mission) -> No
     assert away == pytest.approx(1800.0, abs=20.0)
 
 
+def test_the_swarm_flies_as_fast_as_its_slowest_vehicle_can_follow() -> None:
+    """Vehicle 3 manages 6 m/s and 1 m/s²; cruise is 10 m/s."""
+    slow = {"sysid": 3, "altitude_amsl_m": 54, "max_speed_mps": 6.0, "max_acceleration_mps2": 1.0}
+    vehicles = [{"sysid": i, "altitude_amsl_m": 18 + 12 * i} for i in (1, 2, 4)]
+    mission = parse_mission(short_mission_text(swarm__vehicles=[*vehicles, slow]))
+    row = mission.swarm.sysids.index(3)
+    aim = target(900.0, 450.0)
+    planner = formed(mission, aim)
+    last, fastest = None, 0.0
+    for _ in range(3000):
+        phase = Phase.ORBITING if planner.at_radius(aim) else Phase.APPROACHING
+        planned = planner.step(phase, aim, 0.0, LAUNCH, DT)
+        assert not planned.broken
+        speed = float(np.linalg.norm(planned.velocities[row]))
+        assert speed <= 6.0 + 1e-9
+        fastest = max(fastest, speed)
+        if last is not None:
+            change = float(np.linalg.norm(planned.velocities[row] - last.velocities[row]))
+            assert change <= 1.0 * DT + 1e-9
+        assert np.linalg.norm(planned.positions - planned.slots, axis=1).max() < 8.0
+        last = planned
+    assert fastest > 5.0
+    assert planner.at_radius(aim)
+
+
+def test_when_the_reference_is_lost_the_best_placed_companion_leads(mission: Mission) -> None:
+    """The one behind: either end would leave the other end twice as far away."""
+    aim = target()
+    planner = formed(mission, aim)
+    planned = planner.step(Phase.APPROACHING, aim, 0.0, LAUNCH, DT)
+    los = np.array(aim.position_enu[:2]) - planned.positions[0, :2]
+    along = (planned.positions[1:, :2] - planned.positions[0, :2]) @ los
+    behind = 1 + int(np.argmin(along))
+
+    planner.succeed(aim)
+    assert planner.reference == behind
+    assert sorted([0, behind, *planner.companions]) == [0, 1, 2, 3]
+    assert planner.returning == set(planner.companions)
+    lost_at, least = planned.positions[0], math.inf
+    for _ in range(1200):
+        planned = planner.step(Phase.APPROACHING, aim, 0.0, LAUNCH, DT)
+        assert not planned.broken
+        flying = planned.positions[[behind, *planner.companions]]
+        gaps = np.linalg.norm(flying[:, None] - flying[None], axis=-1)
+        least = min(least, float(gaps[np.triu_indices(3, 1)].min()))
+    assert planned.positions[0] == pytest.approx(lost_at, abs=0.1), "nobody plans for it"
+    assert least >= mission.limits.min_separation_m
+    assert not planner.returning
+    reach = np.linalg.norm(planned.positions[list(planner.companions)] - planned.positions[behind])
+    assert 0.0 < reach <= math.sqrt(2.0) * mission.limits.d_max_m
+
+    planner.add(0, planned.positions[0, :2])
+    assert planner.reference == behind, "it comes back as a companion"
+    assert 0 in planner.companions
+
+
 def test_the_reference_waits_for_followers_that_fall_behind(mission: Mission) -> None:
     planner = formed(mission, target())
     for _ in range(300):

@@ -25,9 +25,9 @@ def mission() -> Mission:
 
 def shape_of(mission: Mission, bearing_rad: float = 0.0) -> Shape:
     """A formation that stands, every companion 12 m above the last."""
-    shape = Shape(mission, [1, 2, 3], np.array([12.0, 24.0, 36.0]))
+    shape = Shape(mission)
     positions = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
-    shape.begin(positions, positions[0], bearing_rad, FAR)
+    shape.begin(positions, FAR * np.array([math.cos(bearing_rad), math.sin(bearing_rad)]))
     return shape
 
 
@@ -133,11 +133,7 @@ def test_a_lost_companion_s_place_is_closed_and_opened_again(mission: Mission) -
 
 def test_a_design_with_a_slot_ahead_keeps_the_reference_farther_off() -> None:
     near, far = (
-        Shape(
-            parse_mission(short_mission_text(formation__design=design)),
-            [1, 2, 3],
-            np.array([12.0, 24.0, 36.0]),
-        ).orbit_m
+        Shape(parse_mission(short_mission_text(formation__design=design))).orbit_m
         for design in ("optimal", "uniform")
     )
     assert near == 425.0

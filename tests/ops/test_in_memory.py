@@ -2,13 +2,20 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sim.world import World
 from swarmctl.errors import UsageError
-from swarmctl.events import Notice
-from swarmctl.ops.in_memory import fly_in_memory
+from swarmctl.events import Estimate, Notice, Record
+from swarmctl.mission.loading import load_mission
+from swarmctl.mission.phases import Phase
+from swarmctl.mission.snapshot import Snapshot
+from swarmctl.ops.in_memory import STEP_S, UTC_START_S, fly_in_memory
+from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
 
 Short = Callable[..., Path]
@@ -54,6 +61,95 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
     for name in ("vehicles.tlog", "mission.mcap"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     assert one["final_error_m"] != other["final_error_m"]
+
+
+class Estimates:
+    """Keeps the estimates of a station that records here."""
+
+    def __init__(self) -> None:
+        self.made: list[Estimate] = []
+
+    def record(self, record: Record, utc_s: float) -> None:
+        if isinstance(record, Estimate):
+            self.made.append(record)
+
+    def frame(self, raw: bytes, utc_s: float) -> None:
+        pass
+
+
+def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Short) -> None:
+    # One flight, told both ways: the second station hears the same vehicles and its own world's
+    # receivers, but what it says reaches nobody.
+    mission = load_mission(short_mission())
+    config = sim_config(mission, 5, UTC_START_S)
+    differenced = World(config)
+    stamped = World(replace(config, receivers=replace(config.receivers, publish="arrival_times")))
+    kept = (Estimates(), Estimates())
+    flying, listening = (Station(mission, 0.0, UTC_START_S, estimates) for estimates in kept)
+    for step in range(1, round(100.0 / STEP_S)):
+        now = step * STEP_S
+        for world, station in ((differenced, flying), (stamped, listening)):
+            world.advance(now)
+            for sysid, data in world.datagrams():
+                station.datagram(data, ("memory", sysid), now)
+            for topic, payload in world.publications():
+                station.message(topic, payload, now)
+            if now >= station.next_wake():
+                station.wake(now)
+            else:
+                station.settle(now)
+        for data, (_, sysid) in flying.datagrams():
+            differenced.receive_datagram(sysid, data)
+            stamped.receive_datagram(sysid, data)
+        listening.datagrams()
+    expected, found = (estimates.made for estimates in kept)
+    assert flying.controller.phase is Phase.APPROACHING
+    assert len(expected) > 800
+    # The last few may be in the one list and not in the other: they wait for a control period.
+    assert abs(len(found) - len(expected)) <= 2
+    for one, other in zip(expected, found, strict=False):
+        assert (one.epoch_utc_s, one.rd_count) == (other.epoch_utc_s, other.rd_count)
+        sigma = np.sqrt(np.array(one.covariance)[::7])
+        # Range differences agree to 1e-7 m of a sigma of 3 m; thousands of updates add up.
+        error = np.subtract(one.position_enu, other.position_enu)
+        assert np.abs(error / sigma[:3]).max() < 1e-5
+        assert one.nis == pytest.approx(other.nis, rel=1e-4, abs=1e-6)
+
+
+def test_a_lost_reference_is_succeeded_where_receivers_publish_arrival_times(
+    short_mission: Short,
+) -> None:
+    """UAV 1 falls silent on the approach: a companion leads, and the emitter is still located."""
+    mission = short_mission(
+        sim__faults=[{"sysid": 1, "kind": "dies", "at_s": 70.0}],
+        sim__receivers={"publish": "arrival_times"},
+        swarm__reference=1,
+    )
+    ages: list[float] = []
+    leaders: list[int] = []
+
+    def look(snapshot: Snapshot) -> None:
+        if 72.0 < snapshot.elapsed_s < 90.0:
+            ages.append(snapshot.estimate.age_s)
+        leaders.extend(vehicle.sysid for vehicle in snapshot.vehicles if vehicle.is_reference)
+
+    said: list[Notice] = []
+    summary = fly_in_memory(mission, snapshot_every_s=1.0, on_snapshot=look, on_notice=said.append)
+    assert summary["rd_dropped"] == 0
+    # Once, for a second, the bursts waited for UAV 1.
+    assert len(ages) == 17
+    assert max(ages) < 0.3
+    successor = leaders[-1]
+    assert list(dict.fromkeys(leaders)) == [1, successor]
+    assert successor != 1
+    told = f"vehicle 1 has been silent for 5 s; vehicle {successor} is the reference UAV now"
+    assert any(told in notice.text for notice in said)
+    assert summary["result"] == "vehicle_lost"
+    assert "is located to" in str(summary["detail"])
+    # 3.5 sigma in two dimensions: 0.2 % of honest estimates are farther off.
+    assert float(str(summary["final_error_m"])) < 3.5 * float(str(summary["final_sigma_m"]))
+    assert float(str(summary["max_reference_range_m"])) <= 150.0
+    assert float(str(summary["min_separation_m"])) >= 8.0
 
 
 def test_garbage_on_both_inputs_harms_nothing(

@@ -28,6 +28,13 @@ def test_everything_the_mission_says_of_the_truth_is_handed_on() -> None:
     assert config.emitter.wander_mps_per_sqrt_s == 0.02
 
 
+@pytest.mark.parametrize("publish", ["range_differences", "arrival_times"])
+def test_what_the_receivers_publish_is_handed_on(publish: str) -> None:
+    receivers = {"publish": publish}
+    mission = parse_mission(short_mission_text(sim__receivers=receivers))
+    assert sim_config(mission, None, 0.0).receivers.publish == publish
+
+
 def test_the_seed_can_be_overridden() -> None:
     assert sim_config(load_mission(DEMO), 7, 0.0).seed == 7
 

@@ -53,8 +53,9 @@ def test_the_truth_reaches_the_recorder_and_nobody_else(monkeypatch: pytest.Monk
 
 
 def test_without_a_recorder_nobody_subscribes_to_the_truth() -> None:
-    assert station().topics == ("swarm/alpha/tdoa",)
-    assert station(Tape()).topics == ("swarm/alpha/tdoa", "swarm/alpha/truth")
+    measurements = ("swarm/alpha/tdoa", "swarm/alpha/toa/+")
+    assert station().topics == measurements
+    assert station(Tape()).topics == (*measurements, "swarm/alpha/truth")
 
 
 def test_what_is_heard_is_recorded_before_it_is_acted_on() -> None:

@@ -164,9 +164,12 @@ def plan_record(t: float) -> events.Plan:
                 sysid=sysid, position_enu=p, velocity_enu=velocity(sysid, t),
                 error_m=gap if follower else 0.5,
                 range_to_reference_m=math.dist(p, r) if follower else None,
+                joined=True,
             )
         )  # fmt: skip
-    return events.Plan(at_s=t + 0.1, los_rad=0.9, formed=t >= 58.0, slots=tuple(slots))
+    return events.Plan(
+        at_s=t + 0.1, reference=REFERENCE, los_rad=0.9, formed=t >= 58.0, slots=tuple(slots)
+    )
 
 
 @functools.cache

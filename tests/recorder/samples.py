@@ -53,6 +53,10 @@ ONE_OF_EACH: tuple[Record, ...] = (
         items=(events.RangeDifference(receiver=2, rd_m=-12.0, sigma_m=3.0),),
         rho=0.5, clock_sigma_s=1e-9, seq=4,
     ),
+    events.ArrivalTime(
+        received_s=1.0, receiver=3, toa_s=1_790_000_012, toa_frac_s=0.350_007_421_9, burst=5,
+        sigma_s=7e-9, clock_sigma_s=1e-9, seq=4,
+    ),
     events.FeedConnection(received_s=1.0, connected=False),
     events.EmitterTruth(
         received_s=1.0, epoch_utc_s=1.79e9, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=0.0,
@@ -76,15 +80,15 @@ ONE_OF_EACH: tuple[Record, ...] = (
         covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
     ),
     events.Plan(
-        at_s=1.0, los_rad=0.5, formed=True,
+        at_s=1.0, reference=1, los_rad=0.5, formed=True,
         slots=(
             events.Slot(
                 sysid=1, position_enu=VECTOR, velocity_enu=VECTOR, error_m=None,
-                range_to_reference_m=None,
+                range_to_reference_m=None, joined=True,
             ),
             events.Slot(
                 sysid=2, position_enu=VECTOR, velocity_enu=VECTOR, error_m=1.5,
-                range_to_reference_m=200.0,
+                range_to_reference_m=200.0, joined=False,
             ),
         ),
     ),

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.events import Estimate, RangeDifference, RangeDifferences
+from swarmctl.estimation.pairing import SPEED_OF_LIGHT_MPS
+from swarmctl.events import ArrivalTime, Estimate, RangeDifference, RangeDifferences
 from swarmctl.frames import Vector
 from swarmctl.recorder.accuracy import Accuracy
 from swarmctl.recorder.series import FlightSeries
@@ -75,6 +76,21 @@ class Flight:
                 seq=0,
             )
         )
+
+    def arrive(self, t: float, sigmas: dict[int, float], burst: int) -> None:
+        for sysid, sigma in sigmas.items():
+            self.accuracy.add_arrival(
+                ArrivalTime(
+                    received_s=t,
+                    receiver=sysid,
+                    toa_s=int(UTC_S + t // 1.0),
+                    toa_frac_s=t % 1.0 + 1e-6 * (sysid - 1),
+                    burst=burst,
+                    sigma_s=sigma / SPEED_OF_LIGHT_MPS,
+                    clock_sigma_s=0.0,
+                    seq=0,
+                )
+            )
 
     def places(self, t: float, places: dict[int, Vector]) -> None:
         for sysid, place in places.items():
@@ -222,6 +238,20 @@ def test_an_epoch_in_several_messages_is_one_measurement() -> None:
     assert final_bound(flight, 0.0) == pytest.approx(expected, rel=1e-6)
 
 
+def test_arrival_times_inform_as_their_range_differences() -> None:
+    flight = Flight()
+    own = {1: 1.5, 2: 1.5, 3: 1.5, 4: 1.5}
+    for k in range(8):
+        t = 0.5 * k
+        flight.places(t, PLACES)
+        flight.arrive(t, own, burst=k)
+        if k != 3:
+            flight.estimate(t, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
+    both = 1.5 * math.sqrt(2.0)
+    expected = bound(7 * information({2: both, 3: both, 4: both}, 0.5))
+    assert final_bound(flight, 3.5) == pytest.approx(expected, rel=1e-6)
+
+
 def test_range_differences_count_once_however_many_estimates_follow() -> None:
     flight = Flight()
     flight.places(0.0, PLACES)
@@ -291,9 +321,11 @@ def test_without_truth_memory_does_not_grow() -> None:
     flight = Flight()
     for k in range(5000):
         flight.measure(float(k), SIGMAS)
+        flight.arrive(float(k), SIGMAS, burst=k)
         if k >= 300:
             flight.estimate(float(k), STILL, (1.0, 0.0, 1.0))
     assert len(flight.accuracy._waiting) <= 4096
     assert len(flight.accuracy._measured) <= 256
+    assert len(flight.accuracy._bursts) <= 256
     assert flight.accuracy.final is None
     assert flight.accuracy.final_sigma_m == pytest.approx(1.0)

@@ -30,18 +30,29 @@ def phase(t: float, name: str) -> Record:
     return events.PhaseChanged(at_s=START_S + t, phase=name, trigger="-", reason="-")
 
 
-def plan(t: float, errors: dict[int, float | None], reach_m: float, formed: bool = True) -> Record:
+def plan(
+    t: float,
+    errors: dict[int, float | None],
+    reach_m: float,
+    formed: bool = True,
+    *,
+    reference: int = 1,
+    joined: bool = True,
+) -> Record:
     slots = tuple(
         events.Slot(
             sysid=sysid,
             position_enu=(0.0, 0.0, 0.0),
             velocity_enu=(0.0, 0.0, 0.0),
             error_m=error,
-            range_to_reference_m=None if sysid == 1 else reach_m,
+            range_to_reference_m=None if sysid == reference else reach_m,
+            joined=joined,
         )
         for sysid, error in errors.items()
     )
-    return events.Plan(at_s=START_S + t, los_rad=0.0, formed=formed, slots=slots)
+    return events.Plan(
+        at_s=START_S + t, reference=reference, los_rad=0.0, formed=formed, slots=slots
+    )
 
 
 def estimate(t: float, east: float, north: float, sigma: float) -> Record:
@@ -122,6 +133,18 @@ def test_formation_figures_count_followers_that_have_formed_while_observing() ->
     assert summary["slot_error_rms_m"] == pytest.approx(math.sqrt((9 + 16 + 25) / 3))
     assert summary["max_slot_error_m"] == 5.0
     assert summary["max_reference_range_m"] == 241.0
+
+
+def test_who_is_lost_or_on_his_way_back_is_not_in_the_formation() -> None:
+    """And distances are from the reference UAV of the day."""
+    summary = debrief(
+        phase(0.0, "approaching"),
+        plan(1.0, {1: None, 2: 3.0}, reach_m=240.0),
+        plan(2.0, {1: 90.0, 2: 90.0}, reach_m=410.0, reference=2, joined=False),
+        plan(3.0, {1: 4.0, 2: 90.0}, reach_m=250.0, reference=2),
+    )
+    assert summary["slot_error_rms_m"] == pytest.approx(math.sqrt((9 + 16) / 2))
+    assert summary["max_reference_range_m"] == 250.0
 
 
 def test_accuracy_figures_are_those_of_the_last_observed_estimate() -> None:
@@ -206,9 +229,10 @@ def test_a_position_without_an_epoch_is_left_out() -> None:
     assert summary["min_separation_m"] is None
 
 
-def test_range_differences_are_counted_one_by_one() -> None:
+def test_range_differences_and_arrival_times_are_counted_one_by_one() -> None:
     group = made_up.range_differences(100.0)
-    assert debrief(group, group)["rd_measurements"] == 2 * len(made_up.FOLLOWERS)
+    (arrival,) = [record for record in ONE_OF_EACH if isinstance(record, events.ArrivalTime)]
+    assert debrief(group, group, arrival)["rd_measurements"] == 2 * len(made_up.FOLLOWERS) + 1
 
 
 def test_phases_are_kept_at_mission_time() -> None:

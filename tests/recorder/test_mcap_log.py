@@ -120,6 +120,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
     [
         ("VehiclePosition", "/vehicle/3/VehiclePosition"),
         ("RangeDifferences", "/feed/RangeDifferences"),
+        ("ArrivalTime", "/feed/ArrivalTime"),
         ("FeedConnection", "/feed/FeedConnection"),
         ("EmitterTruth", "/truth/EmitterTruth"),
         ("OperatorRequest", "/operator/OperatorRequest"),

@@ -19,7 +19,7 @@ from sim.config import (
     WindConfig,
 )
 from sim.world import World
-from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
+from swarmctl.feed.schema import ArrivalTimeMessage, RangeDifferenceMessage, TruthMessage
 
 LAT, LON, ALT = math.radians(47.0), math.radians(8.0), 400.0
 POSITION_AND_VELOCITY = 0b110111000000
@@ -212,6 +212,17 @@ def range_differences(
         for topic, payload in publications
         if topic == "swarm/alpha/tdoa"
     ]
+
+
+def arrival_times(publications: Sequence[tuple[str, bytes]]) -> list[ArrivalTimeMessage]:
+    """The decoded arrival times, each from its receiver's topic."""
+    messages = []
+    for topic, payload in publications:
+        if "/toa/" in topic:
+            message = msgspec.json.decode(payload, type=ArrivalTimeMessage)
+            assert topic == f"swarm/alpha/toa/{message.receiver}"
+            messages.append(message)
+    return messages
 
 
 def truths(publications: Sequence[tuple[str, bytes]]) -> list[TruthMessage]:

@@ -10,6 +10,7 @@ from scipy import stats
 
 from sim.config import ReceiverConfig
 from sim.receivers import Receivers
+from swarmctl.feed.schema import SPEED_OF_LIGHT_MPS
 
 RISK = 1e-4
 EMITTER = (1000.0, 2000.0, 0.0)
@@ -53,6 +54,42 @@ def test_errors_do_not_depend_on_who_hears() -> None:
     (alone,) = some_hear.measure(EMITTER, few, 1.0)
     together = all_hear.measure(EMITTER, PLACES, 1.0)
     assert alone.rd_m == together[-1].rd_m
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("epoch_utc_s", [1_790_000_000.0, 1_790_000_012.98])
+def test_arrival_times_tell_what_range_differences_tell(rho: float, epoch_utc_s: float) -> None:
+    config = ReceiverConfig(reference=2, rho=rho)
+    differenced = Receivers(config, tuple(PLACES), seed=5)
+    stamped = Receivers(config, tuple(PLACES), seed=5)
+    for _ in range(20):
+        expected = {m.receiver: m for m in differenced.measure(EMITTER, PLACES, epoch_utc_s)}
+        arrivals = {m.receiver: m for m in stamped.arrivals(EMITTER, PLACES, epoch_utc_s)}
+        assert set(arrivals) == set(PLACES)
+        assert len({m.burst for m in arrivals.values()}) == 1
+        reference = arrivals[2]
+        # The burst reaches the reference at the epoch, but for the receiver's own error.
+        assert reference.toa_s + reference.toa_frac_s == pytest.approx(epoch_utc_s, abs=2.4e-7)
+        for receiver, difference in expected.items():
+            companion = arrivals[receiver]
+            later_s = float(companion.toa_s - reference.toa_s)
+            later_s += companion.toa_frac_s - reference.toa_frac_s
+            # Each fraction is right to 2^-54 s: 17 nm.
+            assert SPEED_OF_LIGHT_MPS * later_s == pytest.approx(difference.rd_m, abs=1e-6)
+            variance = companion.sigma_s**2 + reference.sigma_s**2
+            assert SPEED_OF_LIGHT_MPS**2 * variance == pytest.approx(difference.sigma_m**2)
+            # One without any error states a millimetre: (1 mm / 3 m)² of the variance.
+            assert reference.sigma_s**2 / variance == pytest.approx(rho, abs=2e-7)
+
+
+def test_arrival_times_need_two_receivers_but_not_the_reference() -> None:
+    receivers = Receivers(ReceiverConfig(reference=1), tuple(PLACES), seed=0)
+    assert receivers.arrivals(EMITTER, {}, 0.0) == []
+    assert receivers.arrivals(EMITTER, {1: PLACES[1]}, 0.0) == []
+    others = {sysid: place for sysid, place in PLACES.items() if sysid != 1}
+    arrivals = receivers.arrivals(EMITTER, others, 1e9)
+    assert [(m.receiver, m.burst) for m in arrivals] == [(2, 1), (3, 1), (4, 1)]
+    assert all(0 <= m.toa_frac_s < 1.0 for m in arrivals)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.5, 0.9])

@@ -19,6 +19,7 @@ from tests.sim.flying import (
     LON,
     VELOCITY_ONLY,
     Station,
+    arrival_times,
     of_type,
     range_differences,
     simulation,
@@ -197,6 +198,22 @@ def test_nothing_is_measured_without_the_reference() -> None:
     station = Station(simulation(*SWARM, receivers=ReceiverConfig(reference=1)))
     station.airborne(20.0, (2, 3))
     assert range_differences(station.publications) == []
+
+
+def test_arrival_times_outlive_the_reference() -> None:
+    dying = vehicle(1, dies_at_s=30.0)
+    receivers = ReceiverConfig(reference=1, publish="arrival_times")
+    station = Station(simulation(dying, *SWARM[1:], receivers=receivers))
+    station.airborne(20.0, (1, 2, 3))
+    station.advance(29.9 - station.world.time_s)
+    station.publications.clear()
+    station.advance(10.1)
+    assert range_differences(station.publications) == []
+    # Bursts of 29.9 s (late by the delay) to 39.9 s; from 30 s on without UAV 1.
+    bursts: dict[int, list[int]] = {}
+    for message in arrival_times(station.publications):
+        bursts.setdefault(message.burst, []).append(message.receiver)
+    assert list(bursts.values()) == [[1, 2, 3]] + [[2, 3]] * 100
 
 
 def test_truth_is_published_twice_a_second() -> None:
