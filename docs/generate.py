@@ -115,7 +115,12 @@ def _kind(info: FieldInfo) -> str:
         return "text or a list of texts"
     if isinstance(annotation, types.UnionType):
         return " or ".join(getattr(a, "__name__", str(a)) for a in typing.get_args(annotation))
-    names: dict[object, str] = {float: "number", int: "whole number", str: "text"}
+    names: dict[object, str] = {
+        bool: "`true` or `false`",
+        float: "number",
+        int: "whole number",
+        str: "text",
+    }
     bounds = [_bound(item) for item in info.metadata]
     return ", ".join([names.get(annotation, ""), *filter(None, bounds)])
 

@@ -67,6 +67,10 @@ class Heartbeat(VehicleObservation, frozen=True):
         mode: The flight mode, in this system's terms.
         mode_name: The autopilot's own name or number for it.
         armed: Whether the motors are armed.
+        failsafe: Whether the vehicle says that it flies on a failsafe of its own.
+        guided_by_stream: Whether guided mode lives on a stream of setpoints: it is entered
+            only after some have come, they raise the vehicle from the ground, it is left when
+            they stop for about a second, and taken up again by the vehicle when they resume.
     """
 
     autopilot: Literal["ardupilot", "px4", "other"]
@@ -74,6 +78,8 @@ class Heartbeat(VehicleObservation, frozen=True):
     mode: Mode
     mode_name: str
     armed: bool
+    failsafe: bool = False
+    guided_by_stream: bool = False
 
 
 class VehiclePosition(VehicleObservation, frozen=True):
@@ -174,6 +180,23 @@ class CommandOutcome(VehicleObservation, frozen=True):
     command: str
     result: Literal["accepted", "refused", "no_answer"]
     detail: str
+
+
+class ParameterValue(VehicleObservation, frozen=True):
+    """The end of a parameter's exchange, once for every ReadParameter and WriteParameter.
+
+    Attributes:
+        parameter: The name it was asked for by.
+        value: Its value as the vehicle tells it; None if the vehicle told none, for unknown
+            names are met with silence.
+        own_name: What the vehicle calls it: older firmware has other names.
+        own_unit: One of the vehicle's units, in those of ``value``.
+    """
+
+    parameter: str
+    value: float | None
+    own_name: str
+    own_unit: float = 1.0
 
 
 class LinkQuality(VehicleObservation, frozen=True):
@@ -340,6 +363,33 @@ class StreamTelemetry(Inquiry, frozen=True):
     position_hz: float
 
 
+class ReadParameter(Command, frozen=True):
+    """Ask for a parameter by its newest name and unit; ends in a ParameterValue."""
+
+    parameter: str
+
+
+class WriteParameter(Command, frozen=True):
+    """Set a parameter, by its newest name and unit; ends in a ParameterValue, read back."""
+
+    parameter: str
+    value: float
+
+
+class UploadFence(Command, frozen=True):
+    """Give the vehicle a circle to stay in, in place of any fence it had; read back.
+
+    Attributes:
+        lat_rad: Latitude of the centre, rad.
+        lon_rad: Longitude of the centre, rad.
+        radius_m: Radius, m.
+    """
+
+    lat_rad: float
+    lon_rad: float
+    radius_m: float
+
+
 class SetMode(Command, frozen=True):
     """Switch the flight mode; acknowledged."""
 
@@ -355,7 +405,10 @@ class Disarm(Command, frozen=True):
 
 
 class TakeOff(Command, frozen=True):
-    """Climb to an altitude above the launch point; acknowledged."""
+    """Climb to an altitude above the launch point; acknowledged.
+
+    A vehicle that is guided by a stream is raised by its setpoints instead.
+    """
 
     alt_amsl_m: float
 

@@ -20,7 +20,7 @@ import re
 import struct
 from collections.abc import Callable
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Any, Literal, assert_never
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -30,20 +30,32 @@ from swarmctl.events import (
     HomePosition,
     LandedState,
     StatusText,
+    UploadFence,
     VehicleAttitude,
     VehicleClock,
     VehicleStatus,
     VehicleVersion,
 )
 from swarmctl.link.facts import (
+    AskForItem,
+    AskForPlan,
     CommandAck,
     CommandLong,
+    EndPlan,
     Fact,
     Fault,
+    FenceAck,
+    FenceCount,
+    FenceItem,
+    FenceRequest,
     Frame,
     HeartbeatFact,
     MessageId,
+    ParameterFact,
+    PlanPacket,
     PositionFact,
+    SendItem,
+    StartPlan,
     TimeSyncAnswer,
 )
 from swarmctl.link.signing import Signing
@@ -203,7 +215,7 @@ def read(frame: Frame, received_s: float) -> Fact | Fault | None:
     """Decode a frame.
 
     A message whose meaning is all on the wire becomes its event at once; HEARTBEAT,
-    GLOBAL_POSITION_INT and COMMAND_ACK need more than that and become facts.
+    GLOBAL_POSITION_INT, PARAM_VALUE and COMMAND_ACK need more than that and become facts.
 
     Args:
         frame: A frame from :func:`split`.
@@ -253,6 +265,7 @@ _AUTOPILOTS: dict[int, Literal["ardupilot", "px4"]] = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardupilot",
     mavlink.MAV_AUTOPILOT_PX4: "px4",
 }
+_ON_FAILSAFE = frozenset((mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY))
 _MULTIROTORS = frozenset(
     (
         mavlink.MAV_TYPE_QUADROTOR,
@@ -274,6 +287,7 @@ def _heartbeat(
     autopilot: int,
     base_mode: int,
     custom_mode: int,
+    system_status: int,
 ) -> HeartbeatFact | None:
     if vehicle_type == mavlink.MAV_TYPE_GCS or autopilot == mavlink.MAV_AUTOPILOT_INVALID:
         return None  # a ground station, a camera: no flight controller
@@ -282,6 +296,7 @@ def _heartbeat(
         vehicle_type in _MULTIROTORS,
         custom_mode,
         bool(base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        system_status in _ON_FAILSAFE,
     )
 
 
@@ -416,6 +431,54 @@ def _timesync(_sysid: int, _received_s: float, tc1: int, ts1: int) -> TimeSyncAn
     return TimeSyncAnswer(tc1 / 1e9, ts1)
 
 
+def _param_value(_sysid: int, _received_s: float, raw: bytes, name: bytes, kind: int) -> Fact:
+    decoded = name.partition(b"\0")[0].decode("ascii", "replace")
+    return ParameterFact(decoded, raw, kind)
+
+
+_FENCE = mavlink.MAV_MISSION_TYPE_FENCE
+
+
+def _mission_request(
+    _sysid: int, _received_s: float, target_system: int, seq: int, mission_type: int
+) -> Fact | None:
+    return FenceRequest(target_system, seq) if mission_type == _FENCE else None
+
+
+def _mission_count(
+    _sysid: int, _received_s: float, target_system: int, count: int, mission_type: int
+) -> Fact | None:
+    return FenceCount(target_system, count) if mission_type == _FENCE else None
+
+
+def _mission_ack(
+    _sysid: int, _received_s: float, target_system: int, result: int, mission_type: int
+) -> Fact | None:
+    if mission_type != _FENCE:
+        return None
+    known = mavlink.enums["MAV_MISSION_RESULT"].get(result)
+    name = known.name.removeprefix("MAV_MISSION_") if known else f"MAV_MISSION_RESULT {result}"
+    return FenceAck(target_system, name)
+
+
+def _mission_item_int(
+    _sysid: int,
+    _received_s: float,
+    target_system: int,
+    seq: int,
+    command: int,
+    radius_m: float,
+    lat_e7: int,
+    lon_e7: int,
+    mission_type: int,
+) -> Fact | None:
+    if mission_type != _FENCE:
+        return None
+    is_circle = command == mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+    lat_rad, lon_rad = lat_e7 * _RAD_PER_E7, lon_e7 * _RAD_PER_E7
+    return FenceItem(target_system, seq, command, is_circle, radius_m, lat_rad, lon_rad)
+
+
 _Build = Callable[..., Fact | Fault | None]
 _Reader = tuple[struct.Struct, Callable[[tuple[Any, ...]], tuple[Any, ...]], _Build]
 
@@ -431,10 +494,16 @@ def _reader(message_id: MessageId, build: _Build, fields: str) -> _Reader:
     return message.unpacker, pick, build
 
 
+# The value's bytes and not its float: an integer's may be those of a signalling NaN, which no
+# floating-point register carries unchanged.
+_PARAM_VALUE = struct.Struct("<4s4x16sB")
+
 _READERS: dict[int, _Reader] = {
+    MessageId.PARAM_VALUE: (_PARAM_VALUE, itemgetter(0, 1, 2), _param_value)
+} | {
     message_id: _reader(message_id, build, fields)
     for message_id, build, fields in (
-        (MessageId.HEARTBEAT, _heartbeat, "type autopilot base_mode custom_mode"),
+        (MessageId.HEARTBEAT, _heartbeat, "type autopilot base_mode custom_mode system_status"),
         (
             MessageId.GLOBAL_POSITION_INT,
             _global_position_int,
@@ -454,11 +523,40 @@ _READERS: dict[int, _Reader] = {
         (MessageId.STATUSTEXT, _statustext, "severity text"),
         (MessageId.COMMAND_ACK, _command_ack, "command result target_system"),
         (MessageId.TIMESYNC, _timesync, "tc1 ts1"),
+        (MessageId.MISSION_REQUEST, _mission_request, "target_system seq mission_type"),
+        (MessageId.MISSION_REQUEST_INT, _mission_request, "target_system seq mission_type"),
+        (MessageId.MISSION_COUNT, _mission_count, "target_system count mission_type"),
+        (MessageId.MISSION_ACK, _mission_ack, "target_system type mission_type"),
+        (
+            MessageId.MISSION_ITEM_INT,
+            _mission_item_int,
+            "target_system seq command param1 x y mission_type",
+        ),
     )
 }
 
 
 # --- Sending ---------------------------------------------------------------------------
+
+
+def _fence_item(fence: UploadFence) -> object:
+    return mavlink.MAVLink_mission_item_int_message(
+        fence.sysid,
+        AUTOPILOT_COMPONENT,
+        seq=0,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        command=mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+        current=0,
+        autocontinue=1,
+        param1=fence.radius_m,
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        x=round(fence.lat_rad * _E7_PER_RAD),
+        y=round(fence.lon_rad * _E7_PER_RAD),
+        z=0.0,
+        mission_type=_FENCE,
+    )
 
 
 class Encoder:
@@ -516,8 +614,48 @@ class Encoder:
             )
         )
 
+    def param_request_read(self, target: int, name: str) -> bytes:
+        """PARAM_REQUEST_READ of a parameter by its name."""
+        return self._pack(
+            mavlink.MAVLink_param_request_read_message(
+                target, AUTOPILOT_COMPONENT, name.encode("ascii"), -1
+            )
+        )
+
+    def param_set(self, target: int, name: str, raw: bytes, kind: int) -> bytes:
+        """PARAM_SET of a parameter; ``raw`` holds the value's four bytes."""
+        (carrier,) = struct.unpack("<f", raw)
+        return self._pack(
+            mavlink.MAVLink_param_set_message(
+                target, AUTOPILOT_COMPONENT, name.encode("ascii"), carrier, kind
+            )
+        )
+
+    def plan(self, target: int, packet: PlanPacket) -> bytes:
+        """A message of the upload of a fence, or of its reading back."""
+        to = (target, AUTOPILOT_COMPONENT)
+        message: object
+        match packet:
+            case StartPlan():
+                message = mavlink.MAVLink_mission_count_message(*to, 1, _FENCE)
+            case SendItem(fence=fence):
+                message = _fence_item(fence)
+            case AskForPlan():
+                message = mavlink.MAVLink_mission_request_list_message(*to, _FENCE)
+            case AskForItem():
+                message = mavlink.MAVLink_mission_request_int_message(*to, 0, _FENCE)
+            case EndPlan():
+                accepted = mavlink.MAV_MISSION_ACCEPTED
+                message = mavlink.MAVLink_mission_ack_message(*to, accepted, _FENCE)
+            case _:
+                assert_never(packet)
+        return self._pack(message)
+
     def setpoint(self, goto: GoTo, now: float) -> bytes | None:
         """SET_POSITION_TARGET_GLOBAL_INT: altitude AMSL, position and velocity used.
+
+        The frame is MAV_FRAME_GLOBAL_INT (5), the only one with altitudes AMSL that every
+        autopilot takes: PX4 refuses MAV_FRAME_GLOBAL (0) and _RELATIVE_ALT (3).
 
         Returns:
             The frame; None if a field is not finite or does not fit into its wire field, for

@@ -32,6 +32,10 @@ STATE_TIMEOUT_S = 6.0
 landed state changes 3.4 s after a take-off command, and its next reports may be lost."""
 REASON_TIMEOUT_S = 0.3
 """Wait after a refusal for its reason: ArduPilot queues the STATUSTEXT, but not the ACK."""
+BUSY_RETRY_S = 1.0
+"""Wait after TEMPORARILY_REJECTED before the next try."""
+BUSY_TRIES = 5
+"""Tries that may be met with TEMPORARILY_REJECTED before it counts as a refusal."""
 REASON_AGE_S = 2.0
 """A STATUSTEXT older than this is no reason."""
 
@@ -47,12 +51,14 @@ class Request(msgspec.Struct, frozen=True):
         shown_by: Whether a state, heard after the last step left, shows the command done;
             None where none does.
         needs_state: Whether the ACK is not enough and the state must follow.
+        optional: What to send after the steps; the vehicle may refuse any of it.
     """
 
     name: str
     steps: tuple[CommandLong, ...]
     shown_by: Callable[[State], bool] | None = None
     needs_state: bool = False
+    optional: tuple[CommandLong, ...] = ()
 
 
 class Attempt(msgspec.Struct, frozen=True):
@@ -68,6 +74,7 @@ class _Stage(Enum):
     NOTHING = auto()
     ACK = auto()
     END_OF_PROGRESS = auto()
+    READINESS = auto()
     STATE = auto()
     REASON = auto()
 
@@ -97,6 +104,7 @@ class Exchange:
         self._step_began_s = 0.0
         self._tries = 0
         self._acks = 0
+        self._busy = 0
         self._refusal = ""
         self._text = ""
         self._text_s = -math.inf
@@ -135,6 +143,11 @@ class Exchange:
             pass
         elif ack.result == "ACCEPTED":
             self._accepted(now)
+        elif self._is_optional:
+            self._next_step(now)
+        elif ack.result == "TEMPORARILY_REJECTED" and self._busy < BUSY_TRIES - 1:
+            self._busy += 1
+            self._wait(_Stage.READINESS, now + BUSY_RETRY_S)
         else:
             self._refused(ack.result, now)
 
@@ -160,8 +173,14 @@ class Exchange:
         """Retry or give up, if :meth:`next_timer` is due."""
         if now < self._deadline_s:
             return
-        if self._stage is _Stage.ACK and self._tries < TRIES:
+        if self._stage is _Stage.READINESS:
+            self._end_step(now)
+            self._tries = self._acks = 0
             self._try(now)
+        elif self._stage is _Stage.ACK and self._tries < TRIES:
+            self._try(now)
+        elif self._stage is _Stage.ACK and self._is_optional:
+            self._next_step(now)
         elif self._stage is _Stage.ACK:
             waited_s = now - self._step_began_s
             self._finish("no_answer", f"no COMMAND_ACK to {TRIES} tries in {waited_s:.1f} s", now)
@@ -196,7 +215,15 @@ class Exchange:
 
     @property
     def _command(self) -> CommandLong:
-        return self._request.steps[self._step]
+        request = self._request
+        mandatory = len(request.steps)
+        if self._step < mandatory:
+            return request.steps[self._step]
+        return request.optional[self._step - mandatory]
+
+    @property
+    def _is_optional(self) -> bool:
+        return self._step >= len(self._request.steps)
 
     @property
     def _may_be_done_already(self) -> bool:
@@ -219,6 +246,7 @@ class Exchange:
         self._step_began_s = now
         self._tries = 0
         self._acks = 0
+        self._busy = 0
         self._try(now)
 
     def _try(self, now: float) -> None:
@@ -230,15 +258,21 @@ class Exchange:
         self._late_acks[self._command.command] = (self._tries - self._acks, now + ACK_TIMEOUT_S)
 
     def _accepted(self, now: float) -> None:
-        if self._step < len(self._request.steps) - 1:
-            self._end_step(now)
-            self._step += 1
-            self._begin_step(now)
+        if self._step < len(self._request.steps) + len(self._request.optional) - 1:
+            self._next_step(now)
         elif self._request.needs_state:
             self._heartbeat = None
             self._wait(_Stage.STATE, now + STATE_TIMEOUT_S)
         else:
             self._finish("accepted", "ACCEPTED", now)
+
+    def _next_step(self, now: float) -> None:
+        if self._step == len(self._request.steps) + len(self._request.optional) - 1:
+            self._finish("accepted", "ACCEPTED", now)
+            return
+        self._end_step(now)
+        self._step += 1
+        self._begin_step(now)
 
     def _refused(self, result: str, now: float) -> None:
         self._refusal = result

@@ -15,6 +15,7 @@ from swarmctl.events import (
     HomePosition,
     LandedState,
     StatusText,
+    UploadFence,
     Vector,
     VehicleAttitude,
     VehicleClock,
@@ -56,9 +57,15 @@ class MessageId(IntEnum):
     HEARTBEAT = 0
     SYS_STATUS = 1
     SYSTEM_TIME = 2
+    PARAM_VALUE = 22
     GPS_RAW_INT = 24
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
+    MISSION_REQUEST = 40
+    MISSION_COUNT = 44
+    MISSION_ACK = 47
+    MISSION_REQUEST_INT = 51
+    MISSION_ITEM_INT = 73
     COMMAND_ACK = 77
     TIMESYNC = 111
     AUTOPILOT_VERSION = 148
@@ -109,12 +116,14 @@ class HeartbeatFact(msgspec.Struct, frozen=True, gc=False):
         is_multirotor: Whether MAV_TYPE is a multirotor.
         custom_mode: The autopilot's own mode number.
         armed: Whether the motors are armed.
+        failsafe: Whether it says that it flies on a failsafe (MAV_STATE_CRITICAL or worse).
     """
 
     autopilot: Literal["ardupilot", "px4", "other"]
     is_multirotor: bool
     custom_mode: int
     armed: bool
+    failsafe: bool
 
 
 class PositionFact(msgspec.Struct, frozen=True):
@@ -153,10 +162,74 @@ class TimeSyncAnswer(msgspec.Struct, frozen=True, gc=False):
     asked_ns: int
 
 
+class ParameterFact(msgspec.Struct, frozen=True, gc=False):
+    """PARAM_VALUE; what its bytes mean depends on the autopilot.
+
+    Attributes:
+        name: The vehicle's own name of the parameter.
+        raw: The four bytes of the value.
+        kind: MAV_PARAM_TYPE.
+    """
+
+    name: str
+    raw: bytes
+    kind: int
+
+
+class FenceFact(msgspec.Struct, frozen=True, gc=False):
+    """A word of the vehicle about its geofence (mission type FENCE).
+
+    Attributes:
+        target_system: System id of the ground station that it is for; 0 for all.
+    """
+
+    target_system: int
+
+
+class FenceRequest(FenceFact, frozen=True, gc=False):
+    """MISSION_REQUEST or MISSION_REQUEST_INT: it asks for an item by its number."""
+
+    seq: int
+
+
+class FenceAck(FenceFact, frozen=True, gc=False):
+    """MISSION_ACK; ``result`` is MAV_MISSION_RESULT's name without its prefix."""
+
+    result: str
+
+
+class FenceCount(FenceFact, frozen=True, gc=False):
+    """MISSION_COUNT: how many items its fence has."""
+
+    count: int
+
+
+class FenceItem(FenceFact, frozen=True, gc=False):
+    """MISSION_ITEM_INT.
+
+    Attributes:
+        seq: Its number.
+        command: MAV_CMD.
+        is_circle_inclusion: Whether that is a circle to stay in.
+        radius_m: Radius of a circle, m.
+        lat_rad: Latitude of its centre, rad.
+        lon_rad: Longitude of its centre, rad.
+    """
+
+    seq: int
+    command: int
+    is_circle_inclusion: bool
+    radius_m: float
+    lat_rad: float
+    lon_rad: float
+
+
 Fact = (
     HeartbeatFact
     | PositionFact
     | CommandAck
+    | ParameterFact
+    | FenceFact
     | GpsFix
     | HomePosition
     | LandedState
@@ -180,3 +253,41 @@ class CommandLong(msgspec.Struct, frozen=True):
 
     command: MavCmd
     params: tuple[float, ...]
+
+
+class Spelling(msgspec.Struct, frozen=True):
+    """How one version of a flight stack writes a parameter.
+
+    Attributes:
+        name: Its name there.
+        unit: One of its units there, in those of the parameter's newest name.
+    """
+
+    name: str
+    unit: float = 1.0
+
+
+class StartPlan(msgspec.Struct, frozen=True):
+    """MISSION_COUNT of a fence of one item."""
+
+
+class SendItem(msgspec.Struct, frozen=True):
+    """MISSION_ITEM_INT of a fence's only item."""
+
+    fence: UploadFence
+
+
+class AskForPlan(msgspec.Struct, frozen=True):
+    """MISSION_REQUEST_LIST of the fence."""
+
+
+class AskForItem(msgspec.Struct, frozen=True):
+    """MISSION_REQUEST_INT of the fence's first item."""
+
+
+class EndPlan(msgspec.Struct, frozen=True):
+    """MISSION_ACK: the fence has been read."""
+
+
+PlanPacket = StartPlan | SendItem | AskForPlan | AskForItem | EndPlan
+"""What is sent for the upload of a fence and its reading back."""

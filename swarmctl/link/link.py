@@ -17,14 +17,18 @@ from swarmctl.events import (
     LandedState,
     Mode,
     Observation,
+    ParameterValue,
+    ReadParameter,
     RequestVersion,
     StatusText,
+    UploadFence,
     VehicleClock,
     VehiclePosition,
     VehicleVersion,
+    WriteParameter,
 )
 from swarmctl.link import codec
-from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
 from swarmctl.link.channels import SILENT_LINK_S, Channels
 from swarmctl.link.clock import BootClock, RoundTrips
 from swarmctl.link.exchange import Exchange
@@ -33,14 +37,18 @@ from swarmctl.link.facts import (
     CommandAck,
     Fact,
     Fault,
+    FenceFact,
     Frame,
     HeartbeatFact,
     MavCmd,
     MessageId,
+    ParameterFact,
     PositionFact,
     TimeSyncAnswer,
 )
+from swarmctl.link.fence import FenceExchange
 from swarmctl.link.forward import Forwarder
+from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.signing import Signing
 from swarmctl.link.statistics import LinkStatistics
 
@@ -59,7 +67,7 @@ class _Vehicle:
         self.heard_s = now
         self.rival: Address | None = None
         self.rival_heard_s = now
-        self.is_supported = False
+        self.personality: Personality | None = None
         self.home_alt_amsl_m: float | None = None
         self.uid = 0
         self.is_another = False
@@ -67,6 +75,14 @@ class _Vehicle:
         self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
+        self.parameters = ParameterExchange(sysid)
+        self.fence = FenceExchange(sysid)
+
+    def next_timer(self) -> float:
+        """When its exchanges are due."""
+        return min(
+            self.exchange.next_timer(), self.parameters.next_timer(), self.fence.next_timer()
+        )
 
 
 class MavlinkLink:
@@ -92,8 +108,8 @@ class MavlinkLink:
     Attributes:
         messages_in: Sound and believed frames received on the vehicles' side, from whomever.
         setpoints_out: Setpoints sent.
-        setpoints_dropped: Setpoints not sent: the vehicle is unknown or no ArduCopter, or a
-            field is not finite.
+        setpoints_dropped: Setpoints not sent: the vehicle is unknown or of an unknown kind, or
+            a field is not finite.
         rejected: How often each kind of fault was met; the first of each kind was named in an
             InputRejected.
     """
@@ -172,30 +188,38 @@ class MavlinkLink:
     def send(self, command: Command, now: float) -> None:
         """Send a command, or queue it behind those its vehicle has not acknowledged yet.
 
-        Each command but GoTo ends in one CommandOutcome; one that only repeats a command which
-        still waits, or is under way, shares its outcome. GoTo leaves at once, or not at all:
-        then it is counted in ``setpoints_dropped``.
+        Each command ends in one CommandOutcome (one that only repeats a command which still
+        waits, or is under way, shares its outcome), but for ReadParameter and WriteParameter,
+        which end in a ParameterValue, and GoTo, which leaves at once, or not at all: then it is
+        counted in ``setpoints_dropped``.
         """
         if self._signing is not None:
             self._signing.advance(now)
         vehicle = self._vehicles.get(command.sysid)
+        personality = None if vehicle is None else vehicle.personality
         if isinstance(command, GoTo):
             frame = None
-            if vehicle is not None and vehicle.is_supported and not vehicle.is_another:
+            if vehicle is not None and personality is not None and not vehicle.is_another:
                 frame = vehicle.encoder.setpoint(command, now)
             if vehicle is None or frame is None:
                 self.setpoints_dropped += 1
             else:
                 self.setpoints_out += 1
                 self._transmit(frame, vehicle.address, now)
+        elif isinstance(command, ReadParameter | WriteParameter):
+            self._parameter(command, vehicle, now)
         elif vehicle is None:
             self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
         elif vehicle.is_another and not isinstance(command, RequestVersion):
             self._end(command, "refused", "another vehicle answers under its system id", now)
-        elif not vehicle.is_supported:
-            self._end(command, "refused", "its HEARTBEAT says that it is no ArduCopter", now)
+        elif personality is None:
+            detail = "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
+            self._end(command, "refused", detail, now)
+        elif isinstance(command, UploadFence):
+            vehicle.fence.submit(command, now)
+            self._flush(vehicle, command.sysid, now)
         else:
-            request = ardupilot.request_for(command, vehicle.home_alt_amsl_m)
+            request = personality.request_for(command, vehicle.home_alt_amsl_m)
             if isinstance(request, str):
                 self._end(command, "refused", request, now)
             else:
@@ -212,8 +236,10 @@ class MavlinkLink:
                 self._next_period_s = now + _PERIOD_S
             self._every_period(now)
         for sysid, vehicle in self._vehicles.items():
-            if now >= vehicle.exchange.next_timer():
+            if now >= vehicle.next_timer():
                 vehicle.exchange.handle_timer(now)
+                vehicle.parameters.handle_timer(now)
+                vehicle.fence.handle_timer(now)
                 self._flush(vehicle, sysid, now)
 
     def _every_period(self, now: float) -> None:
@@ -230,7 +256,7 @@ class MavlinkLink:
 
     def next_timer(self) -> float:
         """When :meth:`handle_timer` is due; infinity while nobody is known and none is called."""
-        retries = (vehicle.exchange.next_timer() for vehicle in self._vehicles.values())
+        retries = (vehicle.next_timer() for vehicle in self._vehicles.values())
         return min((self._next_period_s, *retries))
 
     # --- Endpoints ---------------------------------------------------------------------
@@ -409,6 +435,13 @@ class MavlinkLink:
                 if self._channels.has_asked(vehicle.address, fact.asked_ns):
                     vehicle.round_trips.add(fact.asked_ns / 1e9, fact.boot_s, now)
                 return
+            case FenceFact():
+                if fact.target_system in {0, self._gcs_sysid}:
+                    vehicle.fence.on_fact(fact, now)
+            case ParameterFact():
+                if vehicle.personality is not None:
+                    bytewise = vehicle.personality.BYTEWISE_PARAMETERS
+                    vehicle.parameters.on_value(fact, now, bytewise=bytewise)
             case _:
                 self._events.append(fact)
                 if isinstance(fact, LandedState):
@@ -424,9 +457,10 @@ class MavlinkLink:
     def _heartbeat(
         self, fact: HeartbeatFact, sysid: int, vehicle: _Vehicle, now: float
     ) -> Heartbeat:
-        vehicle.is_supported = fact.autopilot == "ardupilot" and fact.is_multirotor
-        if vehicle.is_supported:
-            mode, mode_name = ardupilot.mode_of(fact.custom_mode)
+        personality = PERSONALITIES.get(fact.autopilot) if fact.is_multirotor else None
+        vehicle.personality = personality
+        if personality is not None:
+            mode, mode_name = personality.mode_of(fact.custom_mode)
         else:
             mode, mode_name = Mode.OTHER, str(fact.custom_mode)
         return Heartbeat(
@@ -437,6 +471,8 @@ class MavlinkLink:
             mode=mode,
             mode_name=mode_name,
             armed=fact.armed,
+            failsafe=fact.failsafe,
+            guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
         )
 
     def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
@@ -466,13 +502,46 @@ class MavlinkLink:
     # --- What is answered --------------------------------------------------------------
 
     def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
-        """Send and report what the vehicle's exchange has decided."""
+        """Send and report what the vehicle's exchanges have decided."""
         for attempt in vehicle.exchange.attempts():
             if vehicle.is_another and attempt.command.command != MavCmd.REQUEST_MESSAGE:
                 continue
             frame = vehicle.encoder.command_long(sysid, attempt.command, attempt.confirmation)
             self._transmit(frame, vehicle.address, now)
         self._events.extend(vehicle.exchange.outcomes())
+        for packet in vehicle.parameters.packets():
+            if vehicle.is_another:
+                continue
+            if isinstance(packet, ReadPacket):
+                frame = vehicle.encoder.param_request_read(sysid, packet.name)
+            else:
+                frame = vehicle.encoder.param_set(sysid, packet.name, packet.raw, packet.kind)
+            self._transmit(frame, vehicle.address, now)
+        self._events.extend(vehicle.parameters.values())
+        for plan_packet in vehicle.fence.packets():
+            if vehicle.is_another:
+                continue
+            self._transmit(vehicle.encoder.plan(sysid, plan_packet), vehicle.address, now)
+        self._events.extend(vehicle.fence.outcomes())
+
+    def _parameter(
+        self, command: ReadParameter | WriteParameter, vehicle: _Vehicle | None, now: float
+    ) -> None:
+        if vehicle is None or vehicle.personality is None:
+            self._events.append(
+                ParameterValue(
+                    received_s=now,
+                    sysid=command.sysid,
+                    parameter=command.parameter,
+                    value=None,
+                    own_name=command.parameter,
+                )
+            )
+            return
+        wanted = command.value if isinstance(command, WriteParameter) else None
+        spellings = vehicle.personality.spellings(command.parameter)
+        vehicle.parameters.submit(command.parameter, spellings, wanted, now)
+        self._flush(vehicle, command.sysid, now)
 
     def _end(
         self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float

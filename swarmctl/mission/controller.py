@@ -13,6 +13,7 @@ The same observations at the same times give the same commands, byte for byte.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,6 @@ from swarmctl.events import (
     InputRejected,
     LinkConnection,
     MissionEnded,
-    Mode,
     Notice,
     Observation,
     OperatorRequest,
@@ -40,6 +40,7 @@ from swarmctl.events import (
     VehiclePosition,
 )
 from swarmctl.frames import Vector
+from swarmctl.mission.custody import Custody
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.launch import Landing, Launch
 from swarmctl.mission.membership import Membership
@@ -97,7 +98,9 @@ class Controller:
         self._preflight = Preflight(mission, self.fleet, now, shadow=shadow)
         self._launch: Launch | None = None
         self._landing: Landing | None = None
-        self._released: set[int] = set()
+        self._custody = Custody(self.fleet)
+        self._failed_on_ground: Failure | None = None
+        self._planned: Planned | None = None
         self._worst_error_m = 0.0
         self._result = ("", "")
         self._commands: list[Command] = []
@@ -174,6 +177,11 @@ class Controller:
         """Result's name and one sentence; empty before they are known."""
         return self._result
 
+    @property
+    def changed_settings(self) -> list[str]:
+        """Parameters of vehicles that were set for the flight and are not restored, in words."""
+        return self._preflight.settings.left_behind()
+
     def progress(self, now: float) -> str:
         """How far the phase is, in words."""
         vehicles = self.fleet.vehicles.values()
@@ -215,15 +223,29 @@ class Controller:
         if not can(self.phase, Trigger.FAILED):
             self._say(now, "warning", f"{failure.detail} (already {self.phase})")
             return
+        if self._failed_on_ground is not None:
+            return
         self._result = (failure.result, failure.detail)
         airborne = self.phase not in {Phase.WAITING, Phase.CHECKING}
         action = "bringing the swarm home" if airborne else "nothing has left the ground"
         self._say(now, "error", f"{failure.detail}; {action}")
-        if airborne and self.phase not in FLYING_FORMATION:
+        if not airborne:
+            self._failed_on_ground = failure
+            self._prepare(now)
+            return
+        if self.phase not in FLYING_FORMATION:
             self._begin_plan(now)
         self._move(Trigger.FAILED, failure.detail, now)
-        if not airborne:
-            self._end(now)
+
+    def _restored(self, now: float) -> bool:
+        """Give the vehicles their own parameters back; whether that has come to its end."""
+        settings = self._preflight.settings
+        self._commands += settings.restore(now)
+        if not settings.is_restored(now):
+            return False
+        for text in settings.left_behind():
+            self._say(now, "error", f"could not restore {text}: set it back yourself")
+        return True
 
     def _end(self, now: float) -> None:
         lost = next(iter(self._membership.lost.values()), None)
@@ -236,12 +258,21 @@ class Controller:
 
     def _prepare(self, now: float) -> None:
         preflight = self._preflight
+        failed = self._failed_on_ground
+        if failed is not None:
+            if self._restored(now):
+                self._move(Trigger.FAILED, failed.detail, now)
+                self._end(now)
+            return
         self._commands += preflight.step(now)
         if preflight.failure is not None:
             self._fail(preflight.failure, now)
         elif self.phase is Phase.WAITING and preflight.all_heard:
             self._move(Trigger.HEARD, "every vehicle answers", now)
         elif self.phase is Phase.CHECKING and preflight.complete:
+            warning = preflight.settings.warning()
+            if warning is not None:
+                self._say(now, "warning", warning)
             self._launch = Launch(list(self.fleet.vehicles.values()), now)
             self._move(Trigger.CHECKED, "every vehicle is ready", now)
 
@@ -273,6 +304,7 @@ class Controller:
         planned = self.planner.step(
             self.phase, self.observer.target, self._worst_error_m, launch, dt
         )
+        self._planned = planned
         self._command(planned)
         self.plan = self._compare(planned, utc, now)
         self._decisions.append(self.plan)
@@ -282,7 +314,7 @@ class Controller:
         if self.phase is Phase.RETURNING:
             if self._shadow or all(distance < HOME_M for distance in self._home_distances()):
                 vehicles = () if self._shadow else self.fleet.vehicles.values()
-                flying = [v for v in vehicles if v.sysid not in self._released]
+                flying = [v for v in vehicles if v.sysid not in self._custody.released]
                 self._landing = Landing(flying, self._watch, now)
                 reason = (
                     "nobody is brought home"
@@ -294,7 +326,7 @@ class Controller:
         members = self._membership
         for sentence in members.take_in_again(utc, now, self._is_ours):
             self._say(now, "warning", sentence, once=False)
-        excused = self._released | members.lost.keys()
+        excused = self._custody.released | members.lost.keys()
         failure = self._watch.in_flight(self.fleet, excused, not self._shadow, now)
         loss = None
         if failure is not None:
@@ -337,7 +369,11 @@ class Controller:
         if self._landing is None:
             return
         self._commands += self._landing.step(now)
-        if self._landing.complete:
+        if self._planned is not None:
+            # Whoever waits for its turn, or has not obeyed yet, must not miss its setpoints.
+            at_rest = replace(self._planned, velocities=np.zeros_like(self._planned.velocities))
+            self._command(at_rest)
+        if self._landing.complete and self._restored(now):
             if self._landing.given_up:
                 ids = ", ".join(str(s) for s in self._landing.given_up)
                 self._say(now, "error", f"vehicle {ids} was not seen to land and disarm")
@@ -408,31 +444,19 @@ class Controller:
         return distances
 
     def _is_ours(self, vehicle: VehicleState) -> bool:
-        """Whether a vehicle flies on our setpoints: airborne, guided, and not taken over."""
         if self._shadow:
             return True
-        return vehicle.is_airborne and vehicle.is_guided and vehicle.sysid not in self._released
+        raised = self._launch is not None and self._launch.raises(vehicle.sysid)
+        return self._custody.is_ours(vehicle, raised=raised)
 
     def _release_taken_over(self, now: float) -> None:
-        for vehicle in self.fleet.vehicles.values():
-            beat = vehicle.heartbeat
-            if (
-                self._shadow
-                or beat is None
-                or not beat.armed
-                or beat.mode is Mode.GUIDED
-                or vehicle.sysid in self._released
-            ):
-                continue
-            self._released.add(vehicle.sysid)
-            self._fail(
-                Failure(
-                    "taken_over",
-                    f"vehicle {vehicle.sysid} left guided mode for {beat.mode_name}: it is no"
-                    " longer commanded",
-                ),
-                now,
-            )
+        if self._shadow:
+            return
+        said, failures = self._custody.review(now)
+        for text in said:
+            self._say(now, "warning", text)
+        for failure in failures:
+            self._fail(failure, now)
 
     def _receive_vehicle(self, event: VehicleObservation, now: float) -> None:
         match event:
@@ -441,6 +465,7 @@ class Controller:
                 if vehicle is not None and vehicle.position_enu is not None:
                     self.observer.position(event, vehicle.position_enu)
             case CommandOutcome():
+                self._preflight.outcome(event)
                 if self._launch is not None and self.phase is Phase.LAUNCHING:
                     self._commands += self._launch.outcome(event, now)
                 if event.result != "accepted":

@@ -12,6 +12,7 @@ from swarmctl.events import (
     LandedState,
     LinkQuality,
     Mode,
+    ParameterValue,
     VehicleClock,
     VehicleObservation,
     VehiclePosition,
@@ -35,6 +36,8 @@ class VehicleState:
         altitude_amsl_m: The altitude the mission gives it, m.
         position_enu: Latest position, m.
         launch_enu: Where it stood before take-off (its own home position), m.
+        parameters: What was last told of each parameter, by its newest name.
+        tells_parameters: Whether it has told any.
         clock_first: First SYSTEM_TIME heard; with the latest it tells the clocks' rates.
     """
 
@@ -51,12 +54,25 @@ class VehicleState:
     clock_first: VehicleClock | None = None
     clock_last: VehicleClock | None = None
     launch_enu: Vector | None = None
+    parameters: dict[str, ParameterValue] = field(default_factory=dict)
+    tells_parameters: bool = False
 
     @property
     def is_guided(self) -> bool:
         """Whether it takes our setpoints: armed and in guided mode by its last heartbeat."""
         beat = self.heartbeat
         return beat is not None and beat.armed and beat.mode is Mode.GUIDED
+
+    @property
+    def guided_by_stream(self) -> bool:
+        """Whether its guided mode lives on a stream of setpoints (see Heartbeat)."""
+        return self.heartbeat is not None and self.heartbeat.guided_by_stream
+
+    @property
+    def known_parameters(self) -> dict[str, float]:
+        """Values of the parameters it has told, by their newest names."""
+        told = self.parameters.items()
+        return {name: value.value for name, value in told if value.value is not None}
 
     @property
     def is_armed(self) -> bool:
@@ -128,6 +144,9 @@ class Fleet:
                 vehicle.landed = event
             case LinkQuality():
                 vehicle.quality = event
+            case ParameterValue():
+                vehicle.parameters[event.parameter] = event
+                vehicle.tells_parameters |= event.value is not None
             case VehicleClock():
                 self._observe_clock(vehicle, event)
 

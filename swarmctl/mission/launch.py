@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from swarmctl.events import Arm, Command, CommandOutcome, Mode, SetMode, TakeOff
+from swarmctl.events import (
+    Arm,
+    Command,
+    CommandOutcome,
+    GoTo,
+    Mode,
+    SetMode,
+    TakeOff,
+    VehiclePosition,
+)
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.watch import Failure, Watch
 
@@ -12,6 +21,8 @@ STAGGER_S = 2.0
 """One vehicle starts this long after the other."""
 TAKE_OFF_TIMEOUT_S = 90.0
 """A vehicle that is not at its altitude this long after the take-off command has failed."""
+STREAM_S = 1.5
+"""Setpoints come this long before a vehicle that is guided by a stream is asked for the mode."""
 AT_ALTITUDE_M = 2.0
 """Climb complete within this of the altitude, m."""
 RETRY_S = 4.0
@@ -24,6 +35,7 @@ class Step(Enum):
     """How far a launch is."""
 
     GROUND = auto()
+    STREAM = auto()
     MODE = auto()
     ARM = auto()
     TAKE_OFF = auto()
@@ -43,6 +55,9 @@ _COMMAND_OF = {Step.MODE: "SetMode", Step.ARM: "Arm", Step.TAKE_OFF: "TakeOff"}
 class Launch:
     """Guided mode, arm, take off, climb: each vehicle in turn, staggered in time.
 
+    A vehicle that is guided by a stream gets setpoints from before it is asked for guided mode:
+    first where it stands, and once it is armed at its altitude above that, which raises it.
+
     Args:
         vehicles: The vehicles in the order they start.
         now: Controller's time, s.
@@ -53,6 +68,8 @@ class Launch:
         self._steps = {v.sysid: Step.GROUND for v in vehicles}
         self._starts = {v.sysid: now + i * STAGGER_S for i, v in enumerate(vehicles)}
         self._climbing_since: dict[int, float] = {}
+        self._streaming_since: dict[int, float] = {}
+        self._stood: dict[int, VehiclePosition] = {}
         self.failure: Failure | None = None
 
     @property
@@ -64,6 +81,10 @@ class Launch:
     def complete(self) -> bool:
         """Whether every vehicle is at its altitude."""
         return self.at_altitude == len(self._steps)
+
+    def raises(self, sysid: int) -> bool:
+        """Whether setpoints have begun to raise a vehicle from the ground."""
+        return sysid in self._stood and self._steps[sysid] in {Step.CLIMB, Step.UP}
 
     def rehearsal(self) -> list[Command]:
         """Every command of the launch at once, for a controller whose commands are not sent."""
@@ -95,7 +116,9 @@ class Launch:
         vehicle = self._vehicles[event.sysid]
         if _NEXT[step] is Step.ARM:
             return [Arm(sysid=event.sysid)]
-        if _NEXT[step] is Step.TAKE_OFF:
+        if _NEXT[step] is Step.TAKE_OFF and event.sysid in self._stood:
+            self._steps[event.sysid] = Step.CLIMB
+        elif _NEXT[step] is Step.TAKE_OFF:
             return [TakeOff(sysid=event.sysid, alt_amsl_m=vehicle.altitude_amsl_m)]
         self._climbing_since[event.sysid] = now
         return []
@@ -108,11 +131,34 @@ class Launch:
         for sysid, vehicle in self._vehicles.items():
             step = self._steps[sysid]
             if step is Step.GROUND and now >= self._starts[sysid]:
-                self._steps[sysid] = Step.MODE
-                commands.append(SetMode(sysid=sysid, mode=Mode.GUIDED))
+                if vehicle.guided_by_stream and vehicle.position is not None:
+                    self._stood[sysid] = vehicle.position
+                    self._streaming_since[sysid] = now
+                    self._steps[sysid] = Step.STREAM
+                else:
+                    self._ask_for_guided(sysid, commands)
+            elif step is Step.STREAM and now >= self._streaming_since[sysid] + STREAM_S:
+                self._ask_for_guided(sysid, commands)
             elif step is Step.CLIMB:
                 self._watch_climb(vehicle, now)
+            if sysid in self._stood:
+                commands.append(self._setpoint(vehicle))
         return commands
+
+    def _ask_for_guided(self, sysid: int, commands: list[Command]) -> None:
+        self._steps[sysid] = Step.MODE
+        commands.append(SetMode(sysid=sysid, mode=Mode.GUIDED))
+
+    def _setpoint(self, vehicle: VehicleState) -> GoTo:
+        stood = self._stood[vehicle.sysid]
+        raised = self.raises(vehicle.sysid)
+        return GoTo(
+            sysid=vehicle.sysid,
+            lat_rad=stood.lat_rad,
+            lon_rad=stood.lon_rad,
+            alt_amsl_m=vehicle.altitude_amsl_m if raised else stood.alt_amsl_m,
+            velocity_enu=(0.0, 0.0, 0.0),
+        )
 
     def _watch_climb(self, vehicle: VehicleState, now: float) -> None:
         report = vehicle.position

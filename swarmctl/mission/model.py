@@ -104,22 +104,26 @@ class Swarm(Section):
 
     Attributes:
         name: Used in MQTT topics.
-        autopilot: The flight stack of all vehicles.
+        autopilot: The flight stack of all vehicles; ``auto`` takes what each says of itself.
         link: Where MAVLink comes from, one URL or a list: ``udpin://host:port`` listens,
             ``udpout://host:port`` and ``tcp://host:port`` call, ``serial:///dev/name:baud``
             is a radio on a serial line.
         signing_key_file: File with the key that signs MAVLink, found from the mission file:
             32 bytes, 64 hexadecimal digits or a passphrase. What is not signed is refused.
         gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).
+        set_failsafes: Whether swarmctl may set the vehicles' failsafe parameters for the flight
+            where they would not bring the swarm home safely and apart; they are restored after
+            it. Without, it refuses to fly such vehicles.
         reference: System id of the reference UAV.
         vehicles: All UAVs, the reference included.
     """
 
     name: Name
-    autopilot: Literal["ardupilot"]
+    autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     link: Links
     signing_key_file: str = ""
     gcs_sysid: SysId = 245
+    set_failsafes: bool = False
     reference: SysId
     vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=2, max_length=13)]
 
@@ -141,6 +145,9 @@ class Limits(Section):
         max_acceleration_mps2: Greatest acceleration commanded.
         ceiling_amsl_m: Greatest altitude.
         geofence_radius_m: Greatest horizontal distance from the origin.
+        upload_geofence: Whether every vehicle is given a fence of its own before take-off, a
+            circle round the origin some metres wider, in place of any it had. What it does at
+            the fence is for its own parameters to say.
         battery_reserve: The swarm returns when any battery is below this fraction.
     """
 
@@ -152,6 +159,7 @@ class Limits(Section):
     max_acceleration_mps2: Positive = 2.0
     ceiling_amsl_m: Altitude
     geofence_radius_m: Positive
+    upload_geofence: bool = False
     battery_reserve: Annotated[float, Field(ge=0.0, le=0.9)] = 0.25
 
 

@@ -7,9 +7,17 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.events import Command, RequestHome, RequestVersion, StreamTelemetry
+from swarmctl.events import (
+    Command,
+    CommandOutcome,
+    RequestHome,
+    RequestVersion,
+    StreamTelemetry,
+    UploadFence,
+)
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
+from swarmctl.mission.settings import Settings
 from swarmctl.mission.watch import Failure
 
 POSITION_HZ = 10.0
@@ -20,6 +28,11 @@ CHECK_TIMEOUT_S = 60.0
 """A check that has not passed this long after the last vehicle was heard has failed."""
 ASK_AGAIN_S = 5.0
 """Telemetry that does not come is asked for again after this long."""
+
+FENCE_MARGIN_M = 30.0
+"""The fence of a vehicle is this much wider than the mission's, which bounds what is planned."""
+FENCE_AGAIN_S = 15.0
+"""A fence that was not taken is uploaded again after this long."""
 
 CLOCK_SPAN_S = 3.0
 """SYSTEM_TIME is watched for this long before the clocks' rates are compared."""
@@ -62,8 +75,11 @@ def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = Fal
     unmet = []
     beat, status = vehicle.heartbeat, vehicle.status
     if beat is not None:
-        if beat.autopilot != mission.swarm.autopilot:
-            unmet.append(f"its autopilot is {beat.autopilot}, not {mission.swarm.autopilot}")
+        wanted = mission.swarm.autopilot
+        if beat.autopilot == "other":
+            unmet.append("its autopilot is neither ArduPilot nor PX4")
+        elif wanted not in {"auto", beat.autopilot}:
+            unmet.append(f"its autopilot is {beat.autopilot}, not {wanted} (swarm.autopilot)")
         if not beat.is_multirotor:
             unmet.append("it is not a multirotor")
         if beat.armed and not may_fly:
@@ -149,6 +165,7 @@ class Preflight:
         shadow: Whether others fly the vehicles.
 
     Attributes:
+        settings: The vehicles' failsafe parameters.
         failure: Why the mission cannot start; None while it still may.
         complete: Whether every check of every vehicle has passed.
     """
@@ -160,6 +177,9 @@ class Preflight:
         self._since = now
         self._heard_since: float | None = None
         self._asked_at: dict[int, float] = {}
+        self._fence_at: dict[int, float] = {}
+        self._fence: dict[int, CommandOutcome] = {}
+        self.settings = Settings(mission, fleet)
         self.failure: Failure | None = None
         self.complete = False
 
@@ -185,20 +205,30 @@ class Preflight:
         if fault is not None:
             self.failure = Failure("clock_mismatch", fault)
             return []
-        unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
+        unready = {
+            v.sysid for v in vehicles if unmet_checks(v, self._mission, may_fly=self._shadow)
+        }
         commands = [
             command
             for v in vehicles
-            if v.heartbeat is not None and v.sysid in unmet
+            if v.heartbeat is not None and v.sysid in unready
             for command in self._ask(v.sysid, now)
         ]
+        if not self._shadow:
+            # Nothing is set on vehicles that could not fly anyway.
+            commands += self.settings.step(now, may_set=not unready)
+            commands += [] if unready else self._upload_fences(now)
+        unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         if not self.all_heard:
             if now - self._since > ANSWER_TIMEOUT_S:
                 self.failure = self._silence(vehicles)
             return commands
         if self._heard_since is None:
             self._heard_since = now
-        if not unmet:
+        refusal = None if unready or self._shadow else self.settings.refusal()
+        if refusal is not None:
+            self.failure = Failure("unsafe_failsafes", refusal)
+        elif not unmet:
             self._check_together()
         elif now - self._heard_since > CHECK_TIMEOUT_S:
             missing = (f"vehicle {sysid}: {', '.join(texts)}" for sysid, texts in unmet.items())
@@ -206,7 +236,39 @@ class Preflight:
         return commands
 
     def _unmet(self, vehicle: VehicleState) -> list[str]:
-        return unmet_checks(vehicle, self._mission, may_fly=self._shadow)
+        unmet = unmet_checks(vehicle, self._mission, may_fly=self._shadow)
+        if self._shadow:
+            return unmet
+        unmet += self.settings.unmet(vehicle)
+        if self._mission.limits.upload_geofence and not self._is_fenced(vehicle):
+            outcome = self._fence.get(vehicle.sysid)
+            said = "" if outcome is None else f" ({outcome.detail})"
+            unmet.append(f"it has not taken the geofence{said}")
+        return unmet
+
+    def outcome(self, event: CommandOutcome) -> None:
+        """Take the end of a command's exchange."""
+        if event.command == "UploadFence":
+            self._fence[event.sysid] = event
+
+    def _is_fenced(self, vehicle: VehicleState) -> bool:
+        outcome = self._fence.get(vehicle.sysid)
+        return outcome is not None and outcome.result == "accepted"
+
+    def _upload_fences(self, now: float) -> list[Command]:
+        if not self._mission.limits.upload_geofence:
+            return []
+        lat, lon, _ = self._mission.origin.geodetic
+        radius = self._mission.limits.geofence_radius_m + FENCE_MARGIN_M
+        commands: list[Command] = []
+        for vehicle in self._fleet.vehicles.values():
+            again = self._fence_at.get(vehicle.sysid, -FENCE_AGAIN_S) + FENCE_AGAIN_S
+            if now >= again and not self._is_fenced(vehicle):
+                self._fence_at[vehicle.sysid] = now
+                commands.append(
+                    UploadFence(sysid=vehicle.sysid, lat_rad=lat, lon_rad=lon, radius_m=radius)
+                )
+        return commands
 
     def _ask(self, sysid: int, now: float) -> list[Command]:
         if now < self._asked_at.get(sysid, -ASK_AGAIN_S) + ASK_AGAIN_S:

@@ -16,7 +16,7 @@ from pathlib import Path
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
-from swarmctl.link.autopilots import ardupilot
+from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.facts import Address
@@ -250,8 +250,13 @@ def what_vehicles_do(station: Station) -> str:
             continue
         position = vehicle.position
         where = f", {position.alt_amsl_m:.0f} m AMSL" if position is not None else ""
-        does = ardupilot.after_controller_stops(beat.mode, beat.armed)
+        personality = PERSONALITIES.get(beat.autopilot)
+        does = "does what its autopilot decides"
+        if personality is not None:
+            known = vehicle.known_parameters
+            does = personality.after_controller_stops(beat.mode, beat.armed, known)
         lines.append(f"  vehicle {vehicle.sysid} ({beat.mode_name}{where}) {does}.")
+    lines += [f"  set back yourself: {text}." for text in station.controller.changed_settings]
     return "\n".join(lines)
 
 

@@ -61,7 +61,8 @@ def viewer_schema(kind: type[Record]) -> dict[str, Any]:
 
     References are inlined, an array has one schema for all its items, an enumeration says that
     it is of strings, and a value that may be null has its other schema, marked ``nullable``
-    (OpenAPI's keyword; viewers know neither ``anyOf`` nor the type ``null``).
+    (OpenAPI's keyword; viewers know neither ``anyOf`` nor the type ``null``). Every property is
+    required, because fields are written also where they have their default.
     """
     schema = msgspec.json.schema(kind)
     narrowed: dict[str, Any] = _narrow(schema, schema["$defs"])
@@ -82,6 +83,8 @@ def _narrow(schema: Any, definitions: Mapping[str, Any]) -> Any:  # noqa: ANN401
         item, *others = schema["prefixItems"]
         assert all(other == item for other in others), "a tuple of one type"
         schema = {k: v for k, v in schema.items() if k != "prefixItems"} | {"items": item}
+    if "properties" in schema:
+        schema = {**schema, "required": list(schema["properties"])}
     if "enum" in schema:
         schema = {"type": "string", **schema}
     return {key: _narrow(value, definitions) for key, value in schema.items()}

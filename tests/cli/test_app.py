@@ -174,7 +174,7 @@ def test_a_mission_with_five_faults_lists_five(short_mission: Short, tmp_path: P
     assert not output
     assert errors.splitlines() == [
         f"{path}: 5 faults",
-        "  swarm.autopilot is 'arducopter': should be 'ardupilot'",
+        "  swarm.autopilot is 'arducopter': should be 'auto', 'ardupilot' or 'px4'",
         "  origin.lat_deg is 95: should be less than or equal to 85",
         "  limits.d_max_m is -1: should be greater than 0",
         "  goal.orbits is 2: no such field; is it misspelt?",

@@ -140,10 +140,21 @@ def test_a_message_nobody_needs_is_not_read() -> None:
 
 def test_heartbeat() -> None:
     armed_quad = read(Sender().heartbeat(mode=4, armed=True))
-    assert armed_quad == HeartbeatFact("ardupilot", True, 4, True)
+    assert armed_quad == HeartbeatFact("ardupilot", True, 4, True, False)
     px4_plane = Sender().heartbeat(mode=0x04030000, autopilot=12, type=1)
-    assert read(px4_plane) == HeartbeatFact("px4", False, 0x04030000, False)
-    assert read(Sender().heartbeat(autopilot=0)) == HeartbeatFact("other", True, 4, False)
+    assert read(px4_plane) == HeartbeatFact("px4", False, 0x04030000, False, False)
+    assert read(Sender().heartbeat(autopilot=0)) == HeartbeatFact("other", True, 4, False, False)
+
+
+@pytest.mark.parametrize(
+    ("system_status", "failsafe"), [(3, False), (4, False), (5, True), (6, True), (8, False)]
+)
+def test_a_heartbeat_says_whether_it_flies_on_a_failsafe(
+    system_status: int, failsafe: bool
+) -> None:
+    fact = read(Sender().heartbeat(system_status=system_status))
+    assert isinstance(fact, HeartbeatFact)
+    assert fact.failsafe is failsafe
 
 
 @pytest.mark.parametrize("fields", [{"type": 6}, {"type": 30, "autopilot": 8}], ids=str)

@@ -118,9 +118,7 @@ def test_an_accepted_command_ends_at_once_and_leaves_no_timer(bench: Bench) -> N
     assert len(bench.sent) == len(bench.outcomes) == 1
 
 
-@pytest.mark.parametrize(
-    "result", ["TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "MAV_RESULT 77"]
-)
+@pytest.mark.parametrize("result", ["DENIED", "UNSUPPORTED", "FAILED", "MAV_RESULT 77"])
 def test_a_refusal_names_the_result(bench: Bench, result: str) -> None:
     bench.submit(REQUEST_HOME)
     bench.ack(MavCmd.REQUEST_MESSAGE, result)
@@ -478,3 +476,49 @@ def test_the_last_wish_counts_when_another_of_its_kind_came_between(bench: Bench
     for _ in range(3):
         bench.ack(MavCmd.DO_SET_MODE)
     assert [attempt.command.params[1] for _, attempt in bench.sent] == [4.0, 9.0, 4.0]
+
+
+# --- Vehicles that are not ready yet ---------------------------------------------------
+
+
+def test_a_vehicle_that_is_not_ready_yet_is_asked_again_later(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    for _ in range(2):
+        bench.ack(MavCmd.REQUEST_MESSAGE, "TEMPORARILY_REJECTED")
+        assert bench.outcomes == []
+        bench.wait(1.0)
+    bench.ack(MavCmd.REQUEST_MESSAGE)
+    assert bench.times_sent == [0.0, 1.0, 2.0]
+    assert bench.results == [("RequestHome", "accepted")]
+
+
+def test_a_vehicle_that_never_gets_ready_has_refused(bench: Bench) -> None:
+    bench.submit(REQUEST_HOME)
+    for _ in range(5):
+        bench.ack(MavCmd.REQUEST_MESSAGE, "TEMPORARILY_REJECTED")
+        bench.text("Preflight Fail: no global position")
+        bench.wait(1.0)
+    assert bench.times_sent == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert bench.results == [("RequestHome", "refused")]
+    assert bench.outcomes[0].detail == ("TEMPORARILY_REJECTED: Preflight Fail: no global position")
+
+
+# --- What a vehicle may refuse ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("answer", ["ACCEPTED", "DENIED", "TEMPORARILY_REJECTED", None])
+def test_optional_steps_come_last_and_may_be_refused_or_unanswered(
+    bench: Bench, answer: str | None
+) -> None:
+    first, second, third = INTERVALS
+    bench.submit(Request("StreamTelemetry", (first,), optional=(second, third)))
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    for _ in (second, third):
+        if answer is None:
+            bench.wait(8.0)
+        else:
+            bench.ack(MavCmd.SET_MESSAGE_INTERVAL, answer)
+    order = list(dict.fromkeys(attempt.command for _, attempt in bench.sent))
+    assert order == [first, second, third]
+    assert bench.results == [("StreamTelemetry", "accepted")]
+    assert bench.exchange.next_timer() == math.inf

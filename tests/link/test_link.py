@@ -223,10 +223,10 @@ def test_without_a_list_any_vehicle_is_used_but_the_broadcast_id() -> None:
 
 @pytest.mark.parametrize(
     ("fields", "autopilot", "is_multirotor"),
-    [({"autopilot": 12}, "px4", True), ({"type": 1}, "ardupilot", False)],
+    [({"autopilot": 0}, "other", True), ({"type": 1}, "ardupilot", False)],
     ids=str,
 )
-def test_what_is_no_arducopter_is_heard_but_not_commanded(
+def test_what_is_of_an_unknown_kind_is_heard_but_not_commanded(
     bench: Bench, fields: dict[str, Any], autopilot: str, is_multirotor: bool
 ) -> None:
     bench.receive(Vehicle(1).heartbeat(mode=4, **fields))
@@ -238,7 +238,7 @@ def test_what_is_no_arducopter_is_heard_but_not_commanded(
     bench.drain()
     (outcome,) = bench.of(CommandOutcome)
     assert outcome.result == "refused"
-    assert outcome.detail == "its HEARTBEAT says that it is no ArduCopter"
+    assert outcome.detail == "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
     assert (bench.link.setpoints_out, bench.link.setpoints_dropped) == (0, 1)
     assert bench.sent == []
 
@@ -707,3 +707,77 @@ def test_a_take_off_whose_ack_was_lost_is_accepted_when_it_flies(
     bench.wait(0.5)
     bench.receive(one.pack("EXTENDED_SYS_STATE", landed_state=3), AT_1)
     assert [outcome.result for outcome in bench.of(CommandOutcome)] == ["accepted"]
+
+
+# --- PX4 -------------------------------------------------------------------------------
+
+OFFBOARD, POSCTL, AUTO_LOITER = 0x00060000, 0x00030000, 0x03040000
+
+
+def px4_beat(vehicle: Vehicle, mode: int, **fields: Any) -> bytes:  # noqa: ANN401 - MAVLink fields
+    return vehicle.heartbeat(mode=mode, autopilot=12, **fields)
+
+
+def test_px4_is_known_by_its_heartbeat_and_so_are_its_modes_and_failsafes(bench: Bench) -> None:
+    vehicle = Vehicle(1)
+    bench.receive(px4_beat(vehicle, OFFBOARD, system_status=4))
+    bench.receive(px4_beat(vehicle, POSCTL, system_status=5))
+    one, two = bench.of(Heartbeat)
+    assert (one.mode, one.mode_name, one.failsafe) == (Mode.GUIDED, "OFFBOARD", False)
+    assert (two.mode, two.mode_name, two.failsafe) == (Mode.OTHER, "POSCTL", True)
+    assert one.guided_by_stream
+    bench.receive(vehicle.heartbeat(mode=4))
+    assert not bench.of(Heartbeat)[-1].guided_by_stream
+
+
+def test_px4_takes_our_setpoints_in_a_frame_it_knows(bench: Bench) -> None:
+    bench.receive(px4_beat(Vehicle(1), OFFBOARD))
+    bench.link.send(goto(1), 50.0)
+    bench.drain()
+    (message,) = bench.sent_to(AT_1, "SET_POSITION_TARGET_GLOBAL_INT")
+    assert message.coordinate_frame == 5  # not 0 or 3, which it rejects
+    position_and_velocity, everything = 0b0000_0011_1111, 0b1101_1111_1111
+    assert message.type_mask & position_and_velocity == 0
+    assert message.type_mask & everything != everything
+
+
+def test_an_ack_of_px4_for_offboard_is_believed_only_with_the_heartbeat(bench: Bench) -> None:
+    vehicle = Vehicle(1)
+    bench.receive(px4_beat(vehicle, AUTO_LOITER))
+    bench.link.send(SetMode(sysid=1, mode=Mode.GUIDED), bench.now)
+    bench.drain()
+    (command,) = bench.sent_to(AT_1, "COMMAND_LONG")
+    assert (command.command, command.param1, command.param2, command.param3) == (176, 1, 6, 0)
+    bench.receive(vehicle.pack("COMMAND_ACK", command=176, target_system=GCS))
+    for _ in range(6):
+        bench.receive(px4_beat(vehicle, AUTO_LOITER))
+        assert bench.of(CommandOutcome) == []
+        bench.wait(1.0)
+    (outcome,) = bench.of(CommandOutcome)
+    assert outcome.result == "refused"
+    assert "HEARTBEAT shows AUTO.LOITER and disarmed" in outcome.detail
+
+
+def test_px4_that_is_not_ready_to_arm_is_asked_again(bench: Bench) -> None:
+    vehicle = Vehicle(1)
+    bench.receive(px4_beat(vehicle, OFFBOARD))
+    bench.link.send(Arm(sysid=1), bench.now)
+    for _ in range(2):
+        bench.receive(vehicle.pack("COMMAND_ACK", command=400, result=1, target_system=GCS))
+        bench.wait(1.0)
+    bench.receive(vehicle.pack("COMMAND_ACK", command=400, target_system=GCS))
+    bench.receive(px4_beat(vehicle, OFFBOARD, base_mode=0x81))
+    assert len(bench.sent_to(AT_1, "COMMAND_LONG")) == 3
+    assert [outcome.result for outcome in bench.of(CommandOutcome)] == ["accepted"]
+
+
+def test_px4s_take_off_altitude_crosses_the_wire_as_amsl(bench: Bench) -> None:
+    vehicle = Vehicle(1)
+    bench.receive(px4_beat(vehicle, AUTO_LOITER))
+    bench.receive(vehicle.pack("HOME_POSITION", latitude=1, altitude=50_000))
+    bench.link.send(TakeOff(sysid=1, alt_amsl_m=70.0), bench.now)
+    bench.drain()
+    (command,) = bench.sent_to(AT_1, "COMMAND_LONG")
+    assert (command.command, command.param7) == (22, 70.0)
+    assert math.isnan(command.param5)
+    assert math.isnan(command.param6)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -23,9 +24,11 @@ from swarmctl.events import (
     HomePosition,
     Mode,
     Observation,
+    ParameterValue,
     PhaseChanged,
     RangeDifference,
     RangeDifferences,
+    ReadParameter,
     RequestHome,
     RequestVersion,
     SetMode,
@@ -35,6 +38,7 @@ from swarmctl.events import (
     VehiclePosition,
     VehicleStatus,
     VehicleVersion,
+    WriteParameter,
 )
 from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
@@ -44,11 +48,27 @@ UTC0 = 1_790_000_000.0
 PERIOD_S = 0.1
 SPEED_MPS = 20.0
 CLIMB_MPS = 5.0
+STREAM_LOST_S = 1.1
+ARDUPILOT_SAFE = {
+    "FS_GCS_ENABLE": 1.0,
+    "FS_GCS_TIMEOUT": 10.0,
+    "MAV_GCS_SYSID": 245.0,
+    "RTL_ALT_M": 0.0,
+}
+PX4_SAFE = {
+    "NAV_DLL_ACT": 2.0,
+    "COM_OBL_RC_ACT": 5.0,
+    "COM_OF_LOSS_T": 1.0,
+    "RTL_RETURN_ALT": 0.0,
+}
 
 
 @dataclass
 class FakeVehicle:
-    """One vehicle; tests set its attributes to make trouble."""
+    """One vehicle; tests set its attributes to make trouble.
+
+    With ``by_stream`` it has PX4's manners: guided mode needs setpoints, and they raise it.
+    """
 
     sysid: int
     home: Vector
@@ -65,6 +85,12 @@ class FakeVehicle:
     prearm_ok: bool = True
     clock_rate: float = 1.0
     uid: int = 0
+    autopilot: Literal["ardupilot", "px4", "other"] = "ardupilot"
+    by_stream: bool = False
+    setpoint_s: float = -math.inf
+    failsafe: bool = False
+    stuck: bool = False
+    parameters: dict[str, float] = field(default_factory=ARDUPILOT_SAFE.copy)
     commands: list[Command] = field(default_factory=list)
 
 
@@ -92,7 +118,13 @@ class FakeFleet:
         vehicle = self.vehicles[command.sysid]
         vehicle.commands.append(command)
         name = type(command).__name__
+        if isinstance(command, ReadParameter | WriteParameter):
+            yield self._parameter(vehicle, command, now)
+            return
         if isinstance(command, GoTo):
+            vehicle.setpoint_s = now
+            if vehicle.failsafe and not vehicle.stuck:
+                vehicle.failsafe, vehicle.mode = False, Mode.GUIDED
             if vehicle.mode is Mode.GUIDED and vehicle.armed:
                 vehicle.goal = list(
                     self.frame.to_enu(command.lat_rad, command.lon_rad, command.alt_amsl_m)
@@ -102,6 +134,10 @@ class FakeFleet:
         result = "refused" if name in vehicle.refuses else "accepted"
         if vehicle.silent or name in vehicle.ignores:
             result = "no_answer"
+        if isinstance(command, SetMode) and command.mode is Mode.GUIDED and vehicle.by_stream:
+            result = result if now - vehicle.setpoint_s < STREAM_LOST_S else "refused"
+        if isinstance(command, TakeOff) and vehicle.by_stream:
+            result = "refused"
         if result == "accepted":
             self._change(vehicle, command)
         yield CommandOutcome(
@@ -123,6 +159,21 @@ class FakeFleet:
                 received_s=now, sysid=vehicle.sysid, uid=vehicle.uid, flight_sw_version=0
             )
 
+    def _parameter(
+        self, vehicle: FakeVehicle, command: ReadParameter | WriteParameter, now: float
+    ) -> ParameterValue:
+        name = command.parameter
+        answers = name in vehicle.parameters and not vehicle.silent
+        if answers and isinstance(command, WriteParameter) and name not in vehicle.ignores:
+            vehicle.parameters[name] = command.value
+        return ParameterValue(
+            received_s=now,
+            sysid=vehicle.sysid,
+            parameter=name,
+            value=vehicle.parameters[name] if answers else None,
+            own_name=name,
+        )
+
     def _change(self, vehicle: FakeVehicle, command: Command) -> None:
         match command:
             case StreamTelemetry():
@@ -143,6 +194,10 @@ class FakeFleet:
         slow = now >= self._slow_at
         self._slow_at = now + 1.0 - 1e-9 if slow else self._slow_at
         for vehicle in self.vehicles.values():
+            starved = vehicle.by_stream and now - vehicle.setpoint_s > STREAM_LOST_S
+            if vehicle.mode is Mode.GUIDED and vehicle.armed and starved:
+                vehicle.failsafe, vehicle.mode = True, Mode.OTHER
+                vehicle.goal = list(vehicle.position)
             self._fly(vehicle)
             if vehicle.silent:
                 continue
@@ -197,11 +252,13 @@ class FakeFleet:
         return Heartbeat(
             received_s=now,
             sysid=vehicle.sysid,
-            autopilot="ardupilot",
+            autopilot="px4" if vehicle.by_stream else vehicle.autopilot,
             is_multirotor=True,
             mode=vehicle.mode,
             mode_name=vehicle.mode.upper(),
             armed=vehicle.armed,
+            failsafe=vehicle.failsafe,
+            guided_by_stream=vehicle.by_stream,
         )
 
     def _measure(self, now: float) -> RangeDifferences:

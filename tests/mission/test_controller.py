@@ -16,6 +16,7 @@ from swarmctl.events import (
     OperatorRequest,
     Plan,
     SetMode,
+    UploadFence,
 )
 from swarmctl.mission.loading import parse_mission
 from swarmctl.mission.model import Mission
@@ -133,6 +134,33 @@ def test_a_vehicle_that_is_not_ready_is_named(
     assert ended(flight).result == "not_ready"
     assert says in ended(flight).detail
     assert not any(isinstance(c, Arm) for c in flight.commands)
+
+
+def test_a_fence_is_uploaded_to_every_vehicle_if_the_mission_says_so() -> None:
+    flight = Flight(parse_mission(short_mission_text(limits__upload_geofence=True)))
+    flight.run("launching")
+    mission = flight.controller.mission
+    fences = [c for c in flight.commands if isinstance(c, UploadFence)]
+    assert [f.sysid for f in fences] == [1, 2, 3, 4]
+    for fence in fences:
+        assert (fence.lat_rad, fence.lon_rad) == mission.origin.geodetic[:2]
+        assert fence.radius_m == mission.limits.geofence_radius_m + 30.0
+
+
+def test_a_vehicle_that_does_not_take_its_fence_is_asked_again_and_then_named() -> None:
+    flight = Flight(parse_mission(short_mission_text(limits__upload_geofence=True)))
+    flight.fleet.vehicles[2].refuses = frozenset({"UploadFence"})
+    flight.run("ended")
+    assert ended(flight).result == "not_ready"
+    assert "vehicle 2: it has not taken the geofence (FAILED" in ended(flight).detail
+    fenced = [c.sysid for c in flight.commands if isinstance(c, UploadFence)]
+    assert (fenced.count(1), fenced.count(2)) == (1, 4)
+
+
+def test_no_fence_is_uploaded_unasked(mission: Mission) -> None:
+    flight = Flight(mission)
+    flight.run("launching")
+    assert not any(isinstance(c, UploadFence) for c in flight.commands)
 
 
 def test_clocks_that_run_at_another_speed_are_refused_before_take_off(mission: Mission) -> None:

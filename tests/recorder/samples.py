@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 import msgspec
 
@@ -10,7 +11,10 @@ from swarmctl import events
 from swarmctl.events import Record
 
 
-def record_types(base: type[Record] = Record) -> Iterator[type[Record]]:
+R = TypeVar("R", bound=Record)
+
+
+def record_types(base: type[R]) -> Iterator[type[R]]:
     """All record classes that are recorded: the leaves of the tree."""
     subclasses = base.__subclasses__()
     if not subclasses:
@@ -48,6 +52,9 @@ ONE_OF_EACH: tuple[Record, ...] = (
         boot_offset_s=-3.5, boot_offset_error_s=0.02, utc_error_s=None,
     ),
     events.LinkConnection(received_s=1.0, url="tcp://10.0.0.1:5760", connected=False),
+    events.ParameterValue(
+        received_s=1.0, sysid=3, parameter="RTL_ALT_M", value=None, own_name="RTL_ALT_M",
+    ),
     events.InputRejected(received_s=1.0, source="feed", kind="not_json", detail="Bytes."),
     events.RangeDifferences(
         received_s=1.0, epoch_utc_s=1.79e9, reference=1,
@@ -67,6 +74,9 @@ ONE_OF_EACH: tuple[Record, ...] = (
     events.RequestHome(sysid=3),
     events.RequestVersion(sysid=3),
     events.StreamTelemetry(sysid=3, position_hz=10.0),
+    events.ReadParameter(sysid=3, parameter="RTL_ALT_M"),
+    events.WriteParameter(sysid=3, parameter="RTL_ALT_M", value=40.0),
+    events.UploadFence(sysid=3, lat_rad=0.9, lon_rad=0.1, radius_m=4030.0),
     events.SetMode(sysid=3, mode=events.Mode.RETURN),
     events.Arm(sysid=3),
     events.Disarm(sysid=3),

@@ -5,24 +5,22 @@ Measured on ArduCopter 4.7-dev SITL; the mode numbers are MAVLink's COPTER_MODE.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import assert_never
 
-from swarmctl.events import (
-    Arm,
-    Command,
-    Disarm,
-    Heartbeat,
-    LandedState,
-    Mode,
-    RequestHome,
-    RequestVersion,
-    SetMode,
-    StreamTelemetry,
-    TakeOff,
+from swarmctl.events import Command, Mode, SetMode, TakeOff
+from swarmctl.link.autopilots.common import (
+    CUSTOM_MODE_ENABLED,
+    common_request,
+    shows_airborne,
+    shows_mode,
 )
-from swarmctl.link.exchange import Request, State
-from swarmctl.link.facts import CommandLong, MavCmd, MessageId
+from swarmctl.link.exchange import Request
+from swarmctl.link.facts import CommandLong, MavCmd, Spelling
+
+NAME = "ArduCopter"
+GUIDED_BY_STREAM = False
+BYTEWISE_PARAMETERS = False
 
 MODE_NAMES = {
     0: "STABILIZE",
@@ -61,8 +59,12 @@ _MODES = {number: mode for mode, number in _MODE_NUMBERS.items()} | {
     27: Mode.RETURN,
 }
 
-_CUSTOM_MODE_ENABLED = 1.0
-"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
+_EARLIER_SPELLINGS = {
+    "MAV_SYSID": Spelling("SYSID_THISMAV"),
+    "MAV_GCS_SYSID": Spelling("SYSID_MYGCS"),
+    "RTL_ALT_M": Spelling("RTL_ALT", 0.01),
+}
+"""What firmware before 4.7 calls a parameter."""
 
 
 def mode_of(custom_mode: int) -> tuple[Mode, str]:
@@ -80,20 +82,13 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
     Returns:
         The request; or, if the vehicle cannot be asked for this, why not.
     """
-    name = type(command).__name__
     match command:
         case SetMode():
             number = _MODE_NUMBERS.get(command.mode)
             if number is None:
                 return f"ArduCopter has no mode that is called {command.mode} here"
-            step = CommandLong(MavCmd.DO_SET_MODE, (_CUSTOM_MODE_ENABLED, float(number)))
-            return Request(name, (step,), _shows_mode(MODE_NAMES[number]), needs_state=True)
-        case Arm():
-            step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
-            return Request(name, (step,), _shows_armed(True), needs_state=True)
-        case Disarm():
-            step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (0.0,))
-            return Request(name, (step,), _shows_armed(False), needs_state=True)
+            step = CommandLong(MavCmd.DO_SET_MODE, (CUSTOM_MODE_ENABLED, float(number)))
+            return Request("SetMode", (step,), shows_mode(MODE_NAMES[number]), needs_state=True)
         case TakeOff():
             if home_alt_amsl_m is None:
                 return "its HOME_POSITION, which a take-off altitude counts from, is not known yet"
@@ -104,23 +99,26 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
                     f"at {home_alt_amsl_m:.1f} m AMSL"
                 )
             step = CommandLong(MavCmd.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, climb_m))
-            return Request(name, (step,), _shows_airborne)
-        case StreamTelemetry():
-            return Request(name, _streams(command.position_hz))
-        case RequestHome():
-            return Request(name, (_ask_for(MessageId.HOME_POSITION),))
-        case RequestVersion():
-            return Request(name, (_ask_for(MessageId.AUTOPILOT_VERSION),))
+            return Request("TakeOff", (step,), shows_airborne)
         case _:
-            return f"ArduCopter has no command for {name}"
+            request = common_request(command)
+            return request or f"ArduCopter has no command for {type(command).__name__}"
 
 
-def after_controller_stops(mode: Mode, armed: bool) -> str:
+def spellings(parameter: str) -> tuple[Spelling, ...]:
+    """Every name that a parameter has had, the newest first."""
+    earlier = _EARLIER_SPELLINGS.get(parameter)
+    newest = Spelling(parameter)
+    return (newest,) if earlier is None else (newest, earlier)
+
+
+def after_controller_stops(mode: Mode, armed: bool, parameters: Mapping[str, float]) -> str:
     """What the vehicle does by itself when no more setpoints come, as a sentence's predicate.
 
     Args:
         mode: Its mode at that moment.
         armed: Whether it is armed.
+        parameters: What is known of its parameters, by their newest names.
 
     Returns:
         For example ``"lands where it is and disarms"``.
@@ -128,6 +126,12 @@ def after_controller_stops(mode: Mode, armed: bool) -> str:
     if not armed:
         return "stays where it is with its motors off"
     match mode:
+        case Mode.GUIDED if parameters.get("FS_GCS_ENABLE") == 1.0:
+            wait_s = parameters.get("FS_GCS_TIMEOUT", 5.0)
+            return (
+                "brakes about 3 s after the last setpoint and returns to its own home about "
+                f"{wait_s:g} s after the last heartbeat of its ground station"
+            )
         case Mode.GUIDED:
             return (
                 "brakes about 3 s after the last setpoint and hovers there until its battery "
@@ -144,36 +148,3 @@ def after_controller_stops(mode: Mode, armed: bool) -> str:
             return "carries on in a mode that was chosen elsewhere and that takes no setpoints"
         case _:
             assert_never(mode)
-
-
-def _streams(position_hz: float) -> tuple[CommandLong, ...]:
-    """Every stream is off by default, so each is asked for, the most needed first."""
-    rates_hz = (
-        (MessageId.GLOBAL_POSITION_INT, position_hz),
-        (MessageId.SYSTEM_TIME, 1.0),
-        (MessageId.HOME_POSITION, 0.2),
-        (MessageId.SYS_STATUS, 1.0),
-        (MessageId.GPS_RAW_INT, 1.0),
-        (MessageId.EXTENDED_SYS_STATE, 2.0),
-        (MessageId.ATTITUDE, 2.0),
-    )
-    return tuple(
-        CommandLong(MavCmd.SET_MESSAGE_INTERVAL, (float(message), round(1e6 / rate_hz)))
-        for message, rate_hz in rates_hz
-    )
-
-
-def _ask_for(message: MessageId) -> CommandLong:
-    return CommandLong(MavCmd.REQUEST_MESSAGE, (float(message),))
-
-
-def _shows_mode(mode_name: str) -> Callable[[State], bool]:
-    return lambda state: isinstance(state, Heartbeat) and state.mode_name == mode_name
-
-
-def _shows_armed(armed: bool) -> Callable[[State], bool]:
-    return lambda state: isinstance(state, Heartbeat) and state.armed is armed
-
-
-def _shows_airborne(state: State) -> bool:
-    return isinstance(state, LandedState) and state.state in {"taking_off", "in_air"}

@@ -13,14 +13,21 @@ from swarmctl.events import (
     Heartbeat,
     LandedState,
     Mode,
+    ReadParameter,
     RequestHome,
     RequestVersion,
     SetMode,
     StreamTelemetry,
     TakeOff,
+    UploadFence,
+    WriteParameter,
 )
 from swarmctl.link.autopilots import ardupilot
 from swarmctl.link.exchange import Request, State
+from tests.recorder.samples import record_types
+
+ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}
+"""Commands that are asked for in the same way of every autopilot."""
 
 
 def request(command: Command, home_alt_amsl_m: float | None = None) -> Request:
@@ -176,7 +183,7 @@ def test_every_command_of_the_vocabulary_but_the_setpoint_can_be_asked_for() -> 
         StreamTelemetry: StreamTelemetry(sysid=1, position_hz=5.0),
         TakeOff: TakeOff(sysid=1, alt_amsl_m=60.0),
     }
-    for kind in set(Command.__subclasses__()) - {GoTo}:
+    for kind in set(record_types(Command)) - ELSEWHERE:
         request(examples.get(kind) or kind(sysid=1), 50.0)
 
 
@@ -191,6 +198,27 @@ def test_every_command_of_the_vocabulary_but_the_setpoint_can_be_asked_for() -> 
     ],
 )
 def test_after_the_controller_stops(mode: Mode, words: list[str]) -> None:
-    armed = ardupilot.after_controller_stops(mode, armed=True)
+    armed = ardupilot.after_controller_stops(mode, True, {})
     assert all(word in armed for word in words)
-    assert "motors off" in ardupilot.after_controller_stops(mode, armed=False)
+    assert "motors off" in ardupilot.after_controller_stops(mode, False, {})
+
+
+def test_with_its_failsafe_set_it_returns_after_the_controller_stops() -> None:
+    does = ardupilot.after_controller_stops(Mode.GUIDED, True, {"FS_GCS_ENABLE": 1.0})
+    assert "returns to its own home about 5 s after the last heartbeat" in does
+    assert "hovers" not in does
+    told = {"FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 12.0}
+    assert "about 12 s after" in ardupilot.after_controller_stops(Mode.GUIDED, True, told)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "names"),
+    [
+        ("MAV_GCS_SYSID", [("MAV_GCS_SYSID", 1.0), ("SYSID_MYGCS", 1.0)]),
+        ("MAV_SYSID", [("MAV_SYSID", 1.0), ("SYSID_THISMAV", 1.0)]),
+        ("RTL_ALT_M", [("RTL_ALT_M", 1.0), ("RTL_ALT", 0.01)]),
+        ("FS_GCS_ENABLE", [("FS_GCS_ENABLE", 1.0)]),
+    ],
+)
+def test_names_of_parameters_old_and_new(parameter: str, names: list[tuple[str, float]]) -> None:
+    assert [(s.name, s.unit) for s in ardupilot.spellings(parameter)] == names

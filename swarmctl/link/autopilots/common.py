@@ -1,0 +1,85 @@
+"""What every flight stack is asked for in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from swarmctl.events import (
+    Arm,
+    Command,
+    Disarm,
+    Heartbeat,
+    LandedState,
+    RequestHome,
+    RequestVersion,
+    StreamTelemetry,
+)
+from swarmctl.link.exchange import Request, State
+from swarmctl.link.facts import CommandLong, MavCmd, MessageId
+
+CUSTOM_MODE_ENABLED = 1.0
+"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
+
+
+def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request | None:
+    """How to ask for a command that is the same everywhere; None if it is not.
+
+    Args:
+        command: The command.
+        reduced: Ids of messages that come unasked and fast, and that nobody needs: they are
+            asked for at 1 Hz with the telemetry, which a vehicle may refuse.
+    """
+    name = type(command).__name__
+    match command:
+        case Arm():
+            step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
+            return Request(name, (step,), _shows_armed(True), needs_state=True)
+        case Disarm():
+            step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (0.0,))
+            return Request(name, (step,), _shows_armed(False), needs_state=True)
+        case StreamTelemetry():
+            slowed = tuple(_interval(message, 1.0) for message in reduced)
+            return Request(name, _streams(command.position_hz), optional=slowed)
+        case RequestHome():
+            return Request(name, (_ask_for(MessageId.HOME_POSITION),))
+        case RequestVersion():
+            return Request(name, (_ask_for(MessageId.AUTOPILOT_VERSION),))
+        case _:
+            return None
+
+
+def shows_mode(mode_name: str) -> Callable[[State], bool]:
+    """Whether a heartbeat shows the mode of this name."""
+    return lambda state: isinstance(state, Heartbeat) and state.mode_name == mode_name
+
+
+def shows_airborne(state: State) -> bool:
+    """Whether a landed state shows that the vehicle has left the ground."""
+    return isinstance(state, LandedState) and state.state in {"taking_off", "in_air"}
+
+
+def _shows_armed(armed: bool) -> Callable[[State], bool]:
+    return lambda state: isinstance(state, Heartbeat) and state.armed is armed
+
+
+def _streams(position_hz: float) -> tuple[CommandLong, ...]:
+    """What the controller needs, the most needed first."""
+    return (
+        _interval(MessageId.GLOBAL_POSITION_INT, position_hz),
+        _interval(MessageId.SYSTEM_TIME, 1.0),
+        _interval(MessageId.HOME_POSITION, 0.2),
+        _interval(MessageId.SYS_STATUS, 1.0),
+        _interval(MessageId.GPS_RAW_INT, 1.0),
+        _interval(MessageId.EXTENDED_SYS_STATE, 2.0),
+        _interval(MessageId.ATTITUDE, 2.0),
+    )
+
+
+def _interval(message_id: int, rate_hz: float) -> CommandLong:
+    return CommandLong(
+        MavCmd.SET_MESSAGE_INTERVAL, (float(message_id), float(round(1e6 / rate_hz)))
+    )
+
+
+def _ask_for(message: MessageId) -> CommandLong:
+    return CommandLong(MavCmd.REQUEST_MESSAGE, (float(message),))

@@ -1,0 +1,199 @@
+"""The vehicles' failsafe parameters: read, judged, with consent set, and in the end restored."""
+
+from __future__ import annotations
+
+from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
+from swarmctl.mission.failsafes import OPTIONAL, Craft, Unsafe, parameters_of, unsafe
+from swarmctl.mission.fleet import Fleet, VehicleState
+from swarmctl.mission.model import Mission
+
+ASK_AGAIN_S = 6.0
+"""What is not known or not set this long after it was asked for is asked for again."""
+RESTORE_TIMEOUT_S = 20.0
+"""A vehicle that has not taken its old values this long is left with the new ones."""
+
+
+class Settings:
+    """Sees to it that every vehicle's failsafes bring it home.
+
+    Args:
+        mission: The mission; its ``swarm.set_failsafes`` is the operator's consent.
+        fleet: The vehicles.
+
+    Attributes:
+        changed: What each parameter was before it was set, by system id and name.
+    """
+
+    def __init__(self, mission: Mission, fleet: Fleet) -> None:
+        self._mission = mission
+        self._fleet = fleet
+        self._asked_at: dict[tuple[int, str], float] = {}
+        self._restoring_since: float | None = None
+        self.changed: dict[tuple[int, str], ParameterValue] = {}
+
+    # --- Before the flight -----------------------------------------------------------
+
+    def step(self, now: float, *, may_set: bool) -> list[Command]:
+        """Ask for what is not known, and set what is unsafe if the mission allows it.
+
+        Args:
+            now: Controller's time, s.
+            may_set: Whether the vehicles are ready but for this.
+        """
+        commands: list[Command] = [
+            ReadParameter(sysid=vehicle.sysid, parameter=name)
+            for vehicle in self._fleet.vehicles.values()
+            if not is_mute(vehicle)
+            for name in missing(vehicle)
+            if self._is_due(vehicle.sysid, name, now)
+        ]
+        if not (may_set and self._mission.swarm.set_failsafes):
+            return commands
+        for fault in self.faults():
+            vehicle = self._fleet.vehicles[fault.sysid]
+            key = (fault.sysid, fault.parameter)
+            # Before the question of what it is has been answered, nothing is due here.
+            if key not in self.changed or self._is_due(*key, now):
+                self._asked_at[key] = now
+                self.changed.setdefault(key, vehicle.parameters[fault.parameter])
+                commands.append(
+                    WriteParameter(sysid=fault.sysid, parameter=fault.parameter, value=fault.right)
+                )
+        return commands
+
+    def unmet(self, vehicle: VehicleState) -> list[str]:
+        """What keeps a vehicle on the ground, as sentences' middles; empty when nothing does."""
+        if is_mute(vehicle):
+            return []
+        names = missing(vehicle)
+        if names:
+            return [f"it has not told its {', '.join(names)}"]
+        return [
+            f"it does not take {fault.parameter} = {fault.right:g}"
+            for fault in self.faults()
+            if fault.sysid == vehicle.sysid and (fault.sysid, fault.parameter) in self.changed
+        ]
+
+    def faults(self) -> list[Unsafe]:
+        """What is unsafe, once every vehicle has told all, or nothing."""
+        vehicles = list(self._fleet.vehicles.values())
+        told = [v for v in vehicles if not is_mute(v)]
+        if any(missing(v) or v.launch_enu is None for v in told):
+            return []
+        ground = self._mission.origin.alt_amsl_m
+        limits = self._mission.limits
+        return unsafe(
+            [
+                Craft(
+                    v.sysid,
+                    v.heartbeat.autopilot,
+                    v.altitude_amsl_m,
+                    ground + v.launch_enu[2],
+                    v.known_parameters,
+                )
+                for v in told
+                if v.heartbeat is not None
+                and v.launch_enu is not None
+                and parameters_of(v.heartbeat.autopilot)
+            ],
+            gcs_sysid=self._mission.swarm.gcs_sysid,
+            separation_m=limits.min_separation_m,
+            ceiling_amsl_m=limits.ceiling_amsl_m,
+        )
+
+    def refusal(self) -> str | None:
+        """Why the swarm must not fly as its vehicles are set; None if it may."""
+        if self._mission.swarm.set_failsafes:
+            return None
+        alike: dict[str, list[str]] = {}
+        for fault in self.faults():
+            alike.setdefault(self._verdict(fault), []).append(f"{fault.sysid}")
+        if not alike:
+            return None
+        parts = (f"{_vehicles(sysids)}: {verdict}" for verdict, sysids in alike.items())
+        return (
+            f"{'; '.join(parts)}. Set these on the vehicles, or let swarmctl set them for the"
+            " flight with swarm.set_failsafes: true"
+        )
+
+    def warning(self) -> str | None:
+        """What is not known of the vehicles that tell no parameter; None if there are none."""
+        mute = [str(v.sysid) for v in self._fleet.vehicles.values() if is_mute(v)]
+        if not mute:
+            return None
+        return (
+            f"{_vehicles(mute)} answered no question for parameters: nobody knows what they do"
+            " when the ground station is lost"
+        )
+
+    def _verdict(self, fault: Unsafe) -> str:
+        told = self._fleet.vehicles[fault.sysid].parameters[fault.parameter]
+        is_, right = fault.value / told.own_unit, fault.right / told.own_unit
+        return f"{told.own_name} is {is_:g}, and should be {right:g} ({fault.why})"
+
+    # --- After the flight ------------------------------------------------------------
+
+    def restore(self, now: float) -> list[Command]:
+        """Give every vehicle its own values back; call until :meth:`is_restored`."""
+        if self._restoring_since is None:
+            self._restoring_since = now
+            self._asked_at.clear()
+        commands: list[Command] = []
+        for (sysid, name), was in self.changed.items():
+            left = self._is_left(sysid, name)
+            if left and was.value is not None and self._is_due(sysid, name, now):
+                commands.append(WriteParameter(sysid=sysid, parameter=name, value=was.value))
+        return commands
+
+    def is_restored(self, now: float) -> bool:
+        """Whether nothing is left to restore, or to wait for."""
+        since = self._restoring_since
+        return not self.left_behind() or (since is not None and now - since > RESTORE_TIMEOUT_S)
+
+    def left_behind(self) -> list[str]:
+        """Parameters that are not what they were before the flight, for a person."""
+        return [
+            f"{was.own_name} of vehicle {sysid}, which was {_own(was):g}"
+            for (sysid, name), was in self.changed.items()
+            if self._is_left(sysid, name)
+        ]
+
+    def _is_left(self, sysid: int, name: str) -> bool:
+        # What was told before the old value was sent says nothing of it.
+        since = self._restoring_since
+        told = self._fleet.vehicles[sysid].parameters[name]
+        was = self.changed[sysid, name]
+        return since is None or told.received_s < since or told.value != was.value
+
+    def _is_due(self, sysid: int, name: str, now: float) -> bool:
+        asked = self._asked_at.get((sysid, name))
+        if asked is not None and now < asked + ASK_AGAIN_S:
+            return False
+        self._asked_at[sysid, name] = now
+        return True
+
+
+def _vehicles(sysids: list[str]) -> str:
+    return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(sysids)}"
+
+
+def _own(told: ParameterValue) -> float:
+    """A known parameter's value in the vehicle's own unit."""
+    return (told.value or 0.0) / told.own_unit
+
+
+def missing(vehicle: VehicleState) -> list[str]:
+    """Parameters that decide and that the vehicle has not told."""
+    if vehicle.heartbeat is None:
+        return []
+    names = parameters_of(vehicle.heartbeat.autopilot)
+    known = vehicle.known_parameters.keys() | (OPTIONAL & vehicle.parameters.keys())
+    return [name for name in names if name not in known]
+
+
+def is_mute(vehicle: VehicleState) -> bool:
+    """Whether a vehicle has met the question for every parameter with silence."""
+    beat = vehicle.heartbeat
+    names = () if beat is None else parameters_of(beat.autopilot)
+    asked = bool(names) and all(name in vehicle.parameters for name in names)
+    return asked and not vehicle.tells_parameters

@@ -1,0 +1,199 @@
+"""Whole flights with vehicles that are guided by a stream, as PX4's are, in virtual time."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import pytest
+
+from swarmctl.events import (
+    Arm,
+    GoTo,
+    MissionEnded,
+    Mode,
+    Notice,
+    OperatorRequest,
+    SetMode,
+    TakeOff,
+)
+from swarmctl.mission.custody import RESUME_S
+from swarmctl.mission.loading import parse_mission
+from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight
+from tests.missions import short_mission_text
+
+
+@pytest.fixture
+def flight() -> Flight:
+    flight = Flight(parse_mission(short_mission_text(swarm__autopilot="auto")))
+    for vehicle in flight.fleet.vehicles.values():
+        vehicle.by_stream = True
+        vehicle.parameters = PX4_SAFE.copy()
+    return flight
+
+
+def ended(flight: Flight) -> MissionEnded:
+    (end,) = [d for d in flight.decisions if isinstance(d, MissionEnded)]
+    return end
+
+
+def warnings(flight: Flight) -> str:
+    return "\n".join(d.text for d in flight.decisions if isinstance(d, Notice))
+
+
+def fly(flight: Flight, seconds: float) -> None:
+    for _ in range(round(seconds / 0.1)):
+        flight.step()
+
+
+def test_a_whole_mission_on_setpoints_from_the_ground_to_the_landing(flight: Flight) -> None:
+    flight.run("ended")
+    assert ended(flight).result == "located"
+    assert warnings(flight) == ""
+    assert not any(isinstance(c, TakeOff) for c in flight.commands)
+    for vehicle in flight.fleet.vehicles.values():
+        assert not vehicle.armed
+        assert not vehicle.failsafe
+        assert math.dist(vehicle.position, vehicle.home) < 3.0
+    assert flight.least_separation_m >= flight.controller.mission.limits.min_separation_m
+
+
+def test_setpoints_come_first_stay_on_the_ground_until_armed_and_then_raise(
+    flight: Flight,
+) -> None:
+    flight.run("forming")
+    commands = flight.fleet.vehicles[2].commands
+    first = commands.index(next(c for c in commands if isinstance(c, GoTo)))
+    mode = commands.index(SetMode(sysid=2, mode=Mode.GUIDED))
+    arm = commands.index(Arm(sysid=2))
+    assert first + 10 < mode < arm
+    origin = flight.controller.mission.origin.alt_amsl_m
+    altitude = flight.fleet.mission.swarm.vehicles[1].altitude_amsl_m
+    before = [c.alt_amsl_m for c in commands[:arm] if isinstance(c, GoTo)]
+    after = [c.alt_amsl_m for c in commands[arm:] if isinstance(c, GoTo)]
+    assert before == pytest.approx([origin] * len(before), abs=0.01)
+    assert set(after) == {altitude}
+
+
+def test_who_waits_for_its_turn_to_land_does_not_miss_its_setpoints(flight: Flight) -> None:
+    flight.run("landing")
+    worst = 0.0
+    while not flight.controller.ended:
+        flight.step()
+        for vehicle in flight.fleet.vehicles.values():
+            if vehicle.armed and vehicle.mode is Mode.GUIDED:
+                worst = max(worst, flight.now - vehicle.setpoint_s)
+        assert not any(v.failsafe for v in flight.fleet.vehicles.values())
+    assert worst < 0.5 * STREAM_LOST_S
+
+
+def test_a_vehicle_that_missed_setpoints_comes_back_and_the_mission_goes_on(
+    flight: Flight,
+) -> None:
+    flight.run("approaching")
+    vehicle = flight.fleet.vehicles[3]
+    vehicle.mode, vehicle.failsafe, vehicle.stuck = Mode.OTHER, True, True
+    fly(flight, RESUME_S - 1.0)
+    vehicle.stuck = False
+    fly(flight, 1.0)
+    assert vehicle.mode is Mode.GUIDED
+    assert "vehicle 3 is on its failsafe (OTHER)" in warnings(flight)
+    flight.run("ended")
+    assert ended(flight).result == "located"
+    assert not vehicle.armed
+
+
+def test_a_vehicle_that_does_not_come_back_is_released_and_the_others_return(
+    flight: Flight,
+) -> None:
+    flight.run("approaching")
+    vehicle = flight.fleet.vehicles[3]
+    vehicle.mode, vehicle.failsafe, vehicle.stuck = Mode.OTHER, True, True
+    fly(flight, RESUME_S + 2.0)
+    assert flight.controller.phase == "returning"
+    told = len(vehicle.commands)
+    flight.run("ended")
+    assert ended(flight).result == "vehicle_failsafe"
+    assert "left guided mode for OTHER on a failsafe of its own" in ended(flight).detail
+    assert len(vehicle.commands) == told
+    assert [v.sysid for v in flight.fleet.vehicles.values() if v.armed] == [3]
+
+
+def test_a_pilot_who_takes_over_is_not_mistaken_for_a_failsafe(flight: Flight) -> None:
+    flight.run("approaching")
+    vehicle = flight.fleet.vehicles[3]
+    vehicle.mode = Mode.OTHER
+    fly(flight, 1.2)
+    assert flight.controller.phase == "returning"
+    told = len(vehicle.commands)
+    flight.run("ended")
+    assert ended(flight).result == "taken_over"
+    assert len(vehicle.commands) == told
+
+
+def test_a_failsafe_of_a_vehicle_that_does_not_resume_is_no_pilot_and_is_not_waited_for() -> None:
+    flight = Flight(parse_mission(short_mission_text()))
+    flight.run("approaching")
+    vehicle = flight.fleet.vehicles[3]
+    vehicle.mode, vehicle.failsafe, vehicle.stuck = Mode.RETURN, True, True
+    fly(flight, 1.2)
+    assert flight.controller.phase == "returning"
+    flight.run("ended")
+    assert ended(flight).result == "vehicle_failsafe"
+
+
+def test_a_refused_mode_keeps_everyone_on_the_ground(flight: Flight) -> None:
+    flight.fleet.vehicles[1].refuses = frozenset({"SetMode"})
+    flight.run("ended")
+    assert ended(flight).result == "mode_refused"
+    assert not any(isinstance(c, Arm) for c in flight.commands)
+    assert all(v.position == list(v.home) for v in flight.fleet.vehicles.values())
+
+
+def test_a_failure_in_the_climb_brings_those_that_climb_home_and_launches_nobody(
+    flight: Flight,
+) -> None:
+    flight.fleet.vehicles[2].refuses = frozenset({"Arm"})
+    flight.run("ended")
+    assert ended(flight).result == "arming_refused"
+    first = flight.fleet.vehicles[1]
+    assert not first.armed
+    assert not first.failsafe
+    assert math.dist(first.position, first.home) < 3.0
+    assert all(flight.fleet.vehicles[s].position[2] == 0.0 for s in (2, 3, 4))
+
+
+def test_a_vehicle_that_has_just_left_the_ground_is_brought_home_too(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # It does not count as airborne for three seconds, and it is the second to land.
+    monkeypatch.setattr("tests.mission.fake_fleet.CLIMB_MPS", 1.0)
+    vehicle = flight.fleet.vehicles[2]
+    while vehicle.position[2] < 0.5:
+        flight.step()
+    flight.receive(OperatorRequest(received_s=flight.now, request="return_home"))
+    flight.run("ended")
+    assert not vehicle.failsafe
+    assert not vehicle.armed
+    assert ended(flight).result == "cancelled"
+
+
+@pytest.mark.parametrize(
+    ("says", "file", "sentence"),
+    [
+        ("px4", "ardupilot", "its autopilot is px4, not ardupilot (swarm.autopilot)"),
+        ("ardupilot", "px4", "its autopilot is ardupilot, not px4 (swarm.autopilot)"),
+        ("other", "auto", "its autopilot is neither ArduPilot nor PX4"),
+    ],
+)
+def test_a_vehicle_that_is_not_what_the_file_says_is_named(
+    says: Literal["ardupilot", "px4", "other"], file: str, sentence: str
+) -> None:
+    flight = Flight(parse_mission(short_mission_text(swarm__autopilot=file)))
+    for vehicle in flight.fleet.vehicles.values():
+        vehicle.autopilot = "px4" if file == "px4" else "ardupilot"
+    flight.fleet.vehicles[2].autopilot = says
+    flight.run("ended")
+    assert ended(flight).result == "not_ready"
+    assert f"vehicle 2: {sentence}" in ended(flight).detail
+    assert "vehicle 3" not in ended(flight).detail

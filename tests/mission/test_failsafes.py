@@ -1,0 +1,132 @@
+"""What the vehicles' failsafe parameters are judged by, as a table."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from swarmctl.mission.failsafes import Craft, parameters_of, unsafe
+
+COPTER = {
+    "FS_GCS_ENABLE": 1.0,
+    "FS_GCS_TIMEOUT": 10.0,
+    "MAV_GCS_SYSID": 245.0,
+    "RTL_ALT_M": 15.0,
+}
+PX4 = {"NAV_DLL_ACT": 2.0, "COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 1.0, "RTL_RETURN_ALT": 30.0}
+GROUND_M = 50.0
+
+
+def craft(sysid: int, above_home_m: float, values: dict[str, float]) -> Craft:
+    autopilot = "ardupilot" if "RTL_ALT_M" in values else "px4"
+    return Craft(sysid, autopilot, GROUND_M + above_home_m, GROUND_M, values)
+
+
+def judged(*crafts: Craft) -> list[tuple[int, str, float]]:
+    found = unsafe(crafts, gcs_sysid=245, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
+    return [(fault.sysid, fault.parameter, fault.right) for fault in found]
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
+    values = COPTER if autopilot == "ardupilot" else PX4
+    assert set(parameters_of(autopilot)) == set(values)
+    assert parameters_of("other") == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "parameter", "value", "right"),
+    [
+        (COPTER, "FS_GCS_ENABLE", 1.0, None),
+        (COPTER, "FS_GCS_ENABLE", 0.0, 1.0),  # off
+        (COPTER, "FS_GCS_ENABLE", 3.0, 1.0),  # SmartRTL: along its own path
+        (COPTER, "FS_GCS_ENABLE", 5.0, 1.0),  # lands where it is
+        (COPTER, "FS_GCS_ENABLE", math.nan, 1.0),
+        (COPTER, "FS_GCS_TIMEOUT", 60.0, None),
+        (COPTER, "FS_GCS_TIMEOUT", 5.0, 10.0),  # five lost heartbeats
+        (COPTER, "FS_GCS_TIMEOUT", 120.0, 10.0),
+        (COPTER, "MAV_GCS_SYSID", 245.0, None),
+        (COPTER, "MAV_GCS_SYSID", 255.0, 245.0),  # QGroundControl's silence
+        (PX4, "NAV_DLL_ACT", 2.0, None),
+        (PX4, "NAV_DLL_ACT", 0.0, 2.0),  # off
+        (PX4, "NAV_DLL_ACT", 1.0, 2.0),  # hovers for ever
+        (PX4, "NAV_DLL_ACT", 3.0, 2.0),  # lands where it is
+        (PX4, "COM_OBL_RC_ACT", 3.0, None),  # returns
+        (PX4, "COM_OBL_RC_ACT", 5.0, None),  # hovers
+        (PX4, "COM_OBL_RC_ACT", 0.0, 5.0),  # position mode: sinks without a remote control
+        (PX4, "COM_OBL_RC_ACT", 4.0, 5.0),  # lands at the first hiccup
+        (PX4, "COM_OBL_RC_ACT", 7.0, 5.0),  # disarms
+        (PX4, "COM_OF_LOSS_T", 0.5, None),
+        (PX4, "COM_OF_LOSS_T", 5.0, None),
+        (PX4, "COM_OF_LOSS_T", 0.0, 1.0),
+        (PX4, "COM_OF_LOSS_T", 60.0, 1.0),
+    ],
+)
+def test_each_parameter(
+    values: dict[str, float], parameter: str, value: float, right: float | None
+) -> None:
+    expected = [] if right is None else [(7, parameter, right)]
+    assert judged(craft(7, 40.0, values | {parameter: value})) == expected
+
+
+@pytest.mark.parametrize(("name", "values"), [("RTL_ALT_M", COPTER), ("RTL_RETURN_ALT", PX4)])
+@pytest.mark.parametrize(
+    ("returns_m", "rights"),
+    [
+        # Flying at 40 and 52 m above home; a return climbs but never descends.
+        ((0.0, 0.0), [None, None]),
+        ((30.0, 30.0), [None, None]),
+        ((40.0, 52.0), [None, None]),
+        ((60.0, 70.0), [None, None]),  # raised, and apart
+        ((43.9, 0.0), [None, None]),
+        ((44.1, 0.0), [40.0, None]),  # 7.9 m below the other
+        ((60.0, 60.0), [40.0, 52.0]),  # both climb to the same
+        ((52.0, 30.0), [40.0, None]),
+        ((60.0, 67.9), [40.0, 52.0]),
+        ((60.0, 101.0), [40.0, 52.0]),  # above the ceiling
+    ],
+)
+def test_returns_are_apart_and_below_the_ceiling(
+    name: str,
+    values: dict[str, float],
+    returns_m: tuple[float, float],
+    rights: list[float | None],
+) -> None:
+    crafts = [
+        craft(sysid, above, values | {name: least})
+        for sysid, above, least in zip((1, 2), (40.0, 52.0), returns_m, strict=True)
+    ]
+    expected = [(sysid, name, right) for sysid, right in zip((1, 2), rights, strict=True) if right]
+    assert judged(*crafts) == expected
+
+
+def test_firmware_without_a_timeout_parameter_is_not_judged_by_it() -> None:
+    values = {name: value for name, value in COPTER.items() if name != "FS_GCS_TIMEOUT"}
+    assert judged(craft(1, 40.0, values)) == []
+
+
+def test_what_is_right_is_judged_right() -> None:
+    crafts = [
+        craft(1, 40.7, COPTER | {"RTL_ALT_M": 60.0}),
+        craft(2, 52.7, PX4 | {"RTL_RETURN_ALT": 60.0}),
+    ]
+    rights = {(s, p): r for s, p, r in judged(*crafts)}
+    assert rights == {(1, "RTL_ALT_M"): 40.0, (2, "RTL_RETURN_ALT"): 52.0}
+    crafts = [
+        craft(1, 40.7, COPTER | {"RTL_ALT_M": rights[1, "RTL_ALT_M"]}),
+        craft(2, 52.7, PX4 | {"RTL_RETURN_ALT": rights[2, "RTL_RETURN_ALT"]}),
+    ]
+    assert judged(*crafts) == []
+
+
+def test_every_vehicles_faults_are_found_at_once() -> None:
+    found = judged(
+        craft(1, 40.0, COPTER | {"FS_GCS_ENABLE": 0.0, "MAV_GCS_SYSID": 255.0}),
+        craft(2, 52.0, PX4 | {"NAV_DLL_ACT": 0.0}),
+    )
+    assert found == [
+        (1, "FS_GCS_ENABLE", 1.0),
+        (1, "MAV_GCS_SYSID", 245.0),
+        (2, "NAV_DLL_ACT", 2.0),
+    ]
