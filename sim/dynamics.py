@@ -55,11 +55,13 @@ class Command(msgspec.Struct, frozen=True, gc=False):
             axis where only the velocity is controlled.
         velocity_enu: Velocity of the setpoint, fed forward, m/s.
         gain_per_s: Approach speed per metre of position error, 1/s.
+        speed_mps: Greatest horizontal speed the autopilot allows itself, m/s.
     """
 
     error_enu: Vector
     velocity_enu: Vector
     gain_per_s: float
+    speed_mps: float = math.inf
 
 
 def approach_speed(distance_m: float, gain_per_s: float, braking_mps2: float) -> float:
@@ -153,9 +155,9 @@ def _wanted_velocity(command: Command, limits: VehicleLimits) -> Vector:
             abs(ez), command.gain_per_s, BRAKING_MARGIN * limits.climb_acceleration_mps2
         )
         z += math.copysign(closing, ez)
-    speed = math.hypot(x, y)
-    if speed > limits.speed_mps:
-        scale = limits.speed_mps / speed
+    speed, greatest = math.hypot(x, y), min(limits.speed_mps, command.speed_mps)
+    if speed > greatest:
+        scale = greatest / speed
         x, y = x * scale, y * scale
     return x, y, max(-limits.climb_mps, min(limits.climb_mps, z))
 
