@@ -24,7 +24,7 @@ from sim.plans import TransferManners
 from swarmctl.frames import LocalFrame
 
 SINK_MPS = 2.5
-SPOOL_UP_S = 3.0
+SPOOL_UP_S = 3.35
 """From the take-off command to the first movement."""
 GPS_LOSS_S = 8.0
 """Without GPS for so long it lands."""
