@@ -40,6 +40,7 @@ class Manners:
         uid_base: Added to the system id it makes the hardware uid.
         boot: What happens when after power-up.
         first_mode: The mode it boots in.
+        always_healthy: SYS_STATUS health bits set even for what is not there.
         streams: Interval of each message sent unasked, s.
         refused: MAV_RESULT of arming, disarming or rebooting when that cannot be.
         unknown_message: MAV_RESULT of REQUEST_MESSAGE for a message it does not have.
@@ -53,6 +54,7 @@ class Manners:
     uid_base: int
     boot: Timeline
     first_mode: FlightMode
+    always_healthy: int
     streams: Mapping[int, float]
     refused: int
     unknown_message: int

@@ -65,7 +65,7 @@ def sys_status(onboard: Onboard) -> Message:
     return dialect.MAVLink_sys_status_message(
         present,
         present,
-        health,
+        health | onboard.manners.always_healthy,
         100,
         round(1000.0 * onboard.voltage_v),
         1500 if onboard.armed else 50,

@@ -111,6 +111,7 @@ MANNERS = Manners(
     uid_base=0x53494D00,
     boot=Timeline(heartbeat_s=1.0, gps_fix_s=10.0, home_set_s=20.0, armable_s=43.0),
     first_mode=STABILIZE,
+    always_healthy=dialect.MAV_SYS_STATUS_GEOFENCE,
     streams={
         dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
         dialect.MAVLINK_MSG_ID_TIMESYNC: 10.0,

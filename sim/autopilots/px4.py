@@ -118,6 +118,7 @@ MANNERS = Manners(
     uid_base=0x50583400,
     boot=Timeline(heartbeat_s=1.0, gps_fix_s=2.0, home_set_s=3.0, armable_s=4.5),
     first_mode=LOITER,
+    always_healthy=0,
     streams={
         dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
         dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 1.0 / 50.0,
