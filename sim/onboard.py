@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from sim.clock import Clock
 from sim.config import VehicleConfig
 from sim.dynamics import State
-from sim.guidance import Situation, Task
+from sim.guidance import FlyAxes, FlyVelocity, Situation, Task
 from sim.manners import SHORT, Manners, Timeline
 from sim.modes import FlightMode
 from sim.navigation import PositionError
@@ -17,6 +18,13 @@ from swarmctl.frames import LocalFrame, Vector
 CELLS = 3
 EMPTY_CELL_V, FULL_CELL_V = 3.5, 4.2
 CAPACITY_MAH = 3300.0
+ENDURANCE_S = 1800.0
+"""A full battery lasts so long with the motors armed."""
+STANDBY_S = 50.0 * ENDURANCE_S
+"""A full battery lasts so long with the motors disarmed."""
+TOUCHDOWN_S = 1.0
+"""Ground contact for so long is a landing."""
+YAW_RATE_RADPS = math.radians(90.0)
 
 
 @dataclass(slots=True)
@@ -130,3 +138,31 @@ class Onboard:
         """Take the present position for home."""
         self.home_enu = self.position_enu
         self.home_alt_amsl_m = self.frame.to_geodetic(*self.home_enu)[2]
+
+    def draw(self, step_s: float) -> None:
+        """Draw from the battery for a time step, s."""
+        self.charge = max(0.0, self.charge - step_s / (ENDURANCE_S if self.armed else STANDBY_S))
+
+    def detect_landing(self) -> None:
+        """Notice having left the ground or landed."""
+        if not self.truth.on_ground:
+            self.contact_s, self.landed, self.flown = None, False, True
+            return
+        if self.contact_s is None:
+            self.contact_s = self.now_s
+        if not self.landed and self.now_s - self.contact_s >= TOUCHDOWN_S:
+            self.landed, self.idle_since_s = True, self.now_s
+
+    def turn(self, step_s: float) -> None:
+        """Turn towards the heading wanted, or at the rate, for a time step, s."""
+        if self.yaw_rate_radps != 0.0 and isinstance(self.task, FlyVelocity | FlyAxes):
+            rate = max(-YAW_RATE_RADPS, min(YAW_RATE_RADPS, self.yaw_rate_radps))
+            self.yaw_rad = self.wanted_yaw_rad = self.yaw_rad + rate * step_s
+            return
+        if self.yaw_rad == self.wanted_yaw_rad:
+            return
+        to_go = math.remainder(self.wanted_yaw_rad - self.yaw_rad, 2.0 * math.pi)
+        if abs(to_go) <= YAW_RATE_RADPS * step_s:
+            self.yaw_rad = self.wanted_yaw_rad
+        else:
+            self.yaw_rad += math.copysign(YAW_RATE_RADPS * step_s, to_go)

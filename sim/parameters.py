@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from sim.mavlink import Message, dialect
@@ -111,3 +112,55 @@ class Parameters:
         return dialect.MAVLink_param_value_message(
             name.encode(), value, kind, len(self.names), self._index[name]
         )
+
+
+class ParameterServer:
+    """The parameter protocol of one vehicle; an unknown name is met with silence.
+
+    Args:
+        parameters: Its parameters.
+        rate_hz: Pace of a list.
+        send: Sends a message.
+    """
+
+    __slots__ = ("_allowance", "_due", "_parameters", "_rate_hz", "_send")
+
+    def __init__(
+        self, parameters: Parameters, rate_hz: float, send: Callable[[Message], None]
+    ) -> None:
+        self._parameters = parameters
+        self._rate_hz = rate_hz
+        self._send = send
+        self._due: deque[str] = deque()
+        self._allowance = 0.0
+
+    def on_request_list(self, _message: Message, _now_s: float) -> None:
+        """PARAM_REQUEST_LIST."""
+        self._due = deque(self._parameters.names)
+
+    def on_request_read(self, message: Message, _now_s: float) -> None:
+        """PARAM_REQUEST_READ, by index or else by name."""
+        names, index = self._parameters.names, message.param_index
+        if 0 <= index < len(names):
+            self._send(self._parameters.message(names[index]))
+        elif index < 0 and message.param_id in self._parameters:
+            self._send(self._parameters.message(message.param_id))
+
+    def on_set(self, message: Message, _now_s: float) -> None:
+        """PARAM_SET, echoed whether it was taken or not."""
+        if message.param_id in self._parameters:
+            self._parameters.take(message)
+            self._send(self._parameters.message(message.param_id))
+
+    def advance(self, step_s: float) -> None:
+        """Send what a list has due after a time step, s."""
+        if not self._due:
+            return
+        self._allowance += step_s * self._rate_hz
+        while self._due and self._allowance >= 1.0:
+            self._allowance -= 1.0
+            self._send(self._parameters.message(self._due.popleft()))
+
+    def abort(self) -> None:
+        """Forget a list under way."""
+        self._due.clear()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
@@ -19,7 +18,7 @@ from sim.config import VehicleConfig
 from sim.dynamics import Command, State
 from sim.errors import SimError
 from sim.fence import Fence
-from sim.guidance import FlyAcceleration, FlyAxes, FlyVelocity
+from sim.guidance import FlyAcceleration, FlyVelocity
 from sim.manners import Manners
 from sim.mavlink import (
     ACCEPTED,
@@ -33,21 +32,14 @@ from sim.mavlink import (
 from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import Onboard
-from sim.parameters import Parameters
+from sim.parameters import Parameters, ParameterServer
 from sim.plans import FENCE, Plans, TransferManners, fence_shapes
 from sim.streams import Streams
 from sim.telemetry import autopilot_version
 from swarmctl.frames import LocalFrame
 
-TOUCHDOWN_S = 1.0
-"""Ground contact for so long is a landing."""
 FORCE = 21196.0
 """``param2`` that disarms in the air."""
-YAW_RATE_RADPS = math.radians(90.0)
-ENDURANCE_S = 1800.0
-"""A full battery lasts so long with the motors armed."""
-STANDBY_S = 50.0 * ENDURANCE_S
-"""A full battery lasts so long with the motors disarmed."""
 REBOOT_S = 1.2
 """From the acknowledgement of a reboot to the next heartbeat."""
 RESTRAINED = (FlyVelocity, FlyAcceleration)
@@ -116,8 +108,9 @@ class Autopilot(ABC):
         self._codec = Codec(config.sysid)
         self._streams = self._fresh_streams()
         self._plans = Plans(self.transfer, self._codec.send)
-        self._parameters_due: deque[str] = deque()
-        self._parameter_allowance = 0.0
+        self._parameters = ParameterServer(
+            parameters, self.manners.parameters_per_s, self._codec.send
+        )
         self._fence = Fence()
         self._fence_of: object = None
         self._gcs_heard_s: float | None = None
@@ -141,9 +134,9 @@ class Autopilot(ABC):
             dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT: self._on_setpoint,
             dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_setpoint,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
-            dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._on_param_request_list,
-            dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_param_request_read,
-            dialect.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
+            dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._parameters.on_request_list,
+            dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._parameters.on_request_read,
+            dialect.MAVLINK_MSG_ID_PARAM_SET: self._parameters.on_set,
             dialect.MAVLINK_MSG_ID_MISSION_COUNT: self._plans.on_count,
             dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: self._plans.on_item,
             dialect.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: lambda m, _: self._plans.on_request_list(
@@ -188,15 +181,15 @@ class Autopilot(ABC):
         if me.home_enu is None and me.up_s >= me.timeline.home_set_s:
             me.set_home_here()
             me.origin_enu = me.home_enu
-        me.charge = max(0.0, me.charge - step_s / (ENDURANCE_S if me.armed else STANDBY_S))
-        self._detect_landing()
+        me.draw(step_s)
+        me.detect_landing()
         self._watch()
         self._disarm_on_ground()
-        self._turn(step_s)
+        me.turn(step_s)
         command = self._fly()
         self._flush_after_ack()
         self._plans.advance(now_s)
-        self._send_parameters(step_s)
+        self._parameters.advance(step_s)
         for message_id in self._streams.due(now_s):
             self._send_telemetry(message_id)
         return command
@@ -296,36 +289,12 @@ class Autopilot(ABC):
             within.append((me.home_enu[0], me.home_enu[1], circle_m))
         return Fence(tuple(inside), tuple(outside), tuple(within), tuple(without), ceiling_up_m)
 
-    def _detect_landing(self) -> None:
-        me = self._me
-        if not me.truth.on_ground:
-            me.contact_s, me.landed, me.flown = None, False, True
-            return
-        if me.contact_s is None:
-            me.contact_s = me.now_s
-        if not me.landed and me.now_s - me.contact_s >= TOUCHDOWN_S:
-            me.landed, me.idle_since_s = True, me.now_s
-
     def _disarm_on_ground(self) -> None:
         me = self._me
         if not me.armed or not me.landed or self._may_lift():
             return
         if me.now_s - me.idle_since_s >= self._idle_limit_s():
             me.armed = False
-
-    def _turn(self, step_s: float) -> None:
-        me = self._me
-        if me.yaw_rate_radps != 0.0 and isinstance(me.task, FlyVelocity | FlyAxes):
-            rate = max(-YAW_RATE_RADPS, min(YAW_RATE_RADPS, me.yaw_rate_radps))
-            me.yaw_rad = me.wanted_yaw_rad = me.yaw_rad + rate * step_s
-            return
-        if me.yaw_rad == me.wanted_yaw_rad:
-            return
-        to_go = math.remainder(me.wanted_yaw_rad - me.yaw_rad, 2.0 * math.pi)
-        if abs(to_go) <= YAW_RATE_RADPS * step_s:
-            me.yaw_rad = me.wanted_yaw_rad
-        else:
-            me.yaw_rad += math.copysign(YAW_RATE_RADPS * step_s, to_go)
 
     def _enter(self, mode: FlightMode) -> int:
         """Change the mode; what it does changes only if the mode does."""
@@ -379,32 +348,6 @@ class Autopilot(ABC):
             me = self._me
             boot_ns = round(me.clock.elapsed_s(now_s - me.power_up_s) * 1e9)
             self._codec.send(dialect.MAVLink_timesync_message(boot_ns, message.ts1))
-
-    def _on_param_request_list(self, _message: Message, _now_s: float) -> None:
-        self._parameters_due = deque(self._me.parameters.names)
-
-    def _on_param_request_read(self, message: Message, _now_s: float) -> None:
-        parameters = self._me.parameters
-        index = message.param_index
-        if 0 <= index < len(parameters.names):
-            self._codec.send(parameters.message(parameters.names[index]))
-        elif index < 0 and message.param_id in parameters:
-            self._codec.send(parameters.message(message.param_id))
-
-    def _on_param_set(self, message: Message, _now_s: float) -> None:
-        parameters = self._me.parameters
-        if message.param_id in parameters:
-            parameters.take(message)
-            self._codec.send(parameters.message(message.param_id))
-
-    def _send_parameters(self, step_s: float) -> None:
-        if not self._parameters_due:
-            return
-        self._parameter_allowance += step_s * self.manners.parameters_per_s
-        while self._parameters_due and self._parameter_allowance >= 1.0:
-            self._parameter_allowance -= 1.0
-            name = self._parameters_due.popleft()
-            self._codec.send(self._me.parameters.message(name))
 
     def _on_mission_request(self, message: Message, _now_s: float) -> None:
         me = self._me
@@ -507,7 +450,7 @@ class Autopilot(ABC):
         me.failsafe = False
         me.origin_enu = me.home_enu = None
         self._plans.abort()
-        self._parameters_due.clear()
+        self._parameters.abort()
         self._gcs_heard_s = None
         self._after_ack.clear()
         self._streams = self._fresh_streams()

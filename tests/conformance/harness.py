@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -251,7 +251,7 @@ class InMemory(Vehicle):
         personality: Whose manners it has.
     """
 
-    def __init__(self, personality: str) -> None:
+    def __init__(self, personality: Literal["ardupilot", "px4"]) -> None:
         super().__init__(1)
         config = replace(vehicle(1), autopilot=personality, full_boot=True)
         self._world = World(simulation(config))

@@ -38,12 +38,16 @@ UP = -20.0
 
 
 def fly(
-    vehicle: Vehicle, duration_s: float, mask: int, **setpoint: tuple[float, float, float]
+    vehicle: Vehicle,
+    duration_s: float,
+    mask: int,
+    position: tuple[float, float, float] = (0.0, 0.0, UP),
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
     """Stream a setpoint at 10 Hz for a time."""
     until = vehicle.now + duration_s
     while vehicle.now < until:
-        vehicle.local(mask, **setpoint)
+        vehicle.local(mask, position, velocity)
         vehicle.wait(0.1)
 
 
