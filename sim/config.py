@@ -20,12 +20,15 @@ class VehicleLimits:
         acceleration_mps2: Greatest horizontal acceleration.
         climb_mps: Greatest climb and descent speed.
         climb_acceleration_mps2: Greatest vertical acceleration.
+        jerk_mps3: Greatest rate of change of the acceleration, horizontally and vertically: it
+            leans to its greatest acceleration in a fifth of a second.
     """
 
     speed_mps: float = 15.0
     acceleration_mps2: float = 3.0
     climb_mps: float = 3.0
     climb_acceleration_mps2: float = 2.0
+    jerk_mps3: float = 15.0
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """How a multirotor moves: a point mass under a velocity loop, drag, wind and the ground.
 
-The closed attitude loop is taken as instantaneous; what remains is what a controller of
-positions notices: accelerations and speeds are bounded, a moving target is followed with a
+Of the closed attitude loop only its jerk limit is left; what remains is what a controller of
+positions notices: jerks, accelerations and speeds are bounded, a moving target is followed with a
 small lag, wind pushes, the ground stops. Everything in ENU and SI.
 """
 
@@ -39,12 +39,14 @@ class State(msgspec.Struct, frozen=True, gc=False):
         velocity_enu: Velocity, m/s.
         thrust_enu: Rotor thrust per unit of mass, m/s²: the direction the airframe leans to.
         on_ground: Whether it stands on the ground.
+        acceleration_enu: Acceleration, m/s²; what a jerk changes.
     """
 
     position_enu: Vector
     velocity_enu: Vector = (0.0, 0.0, 0.0)
     thrust_enu: Vector = (0.0, 0.0, GRAVITY_MPS2)
     on_ground: bool = True
+    acceleration_enu: Vector = (0.0, 0.0, 0.0)
 
 
 class Command(msgspec.Struct, frozen=True, gc=False):
@@ -116,6 +118,13 @@ def step(
         scale = limits.acceleration_mps2 / horizontal
         ax, ay = ax * scale, ay * scale
     az = max(-limits.climb_acceleration_mps2, min(limits.climb_acceleration_mps2, az))
+    # Between two permitted accelerations lie permitted ones only.
+    (was_x, was_y, was_z), change = state.acceleration_enu, limits.jerk_mps3 * dt_s
+    horizontal = math.hypot(ax - was_x, ay - was_y)
+    if horizontal > change:
+        scale = change / horizontal
+        ax, ay = was_x + (ax - was_x) * scale, was_y + (ay - was_y) * scale
+    az = max(was_z - change, min(was_z + change, az))
 
     # Projecting onto the permitted speeds never lengthens the step from a permitted velocity,
     # so the acceleration limits hold as well.
@@ -136,6 +145,7 @@ def step(
         (new_x, new_y, new_z),
         (ax - drag_x, ay - drag_y, az - drag_z + GRAVITY_MPS2),
         False,
+        (ax, ay, az),
     )
 
 
