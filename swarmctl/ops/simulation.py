@@ -32,8 +32,11 @@ from swarmctl.mission.model import Mission, Simulation
 READY = "simulating"
 """First word of the line a simulator process prints once it serves."""
 
-SPEED_PARAMETERS = {"ardupilot": (("WPNAV_SPEED", 1500.0),), "px4": (("MPC_XY_VEL_MAX", 15.0),)}
-"""What the owner of the simulated vehicles has set: they may fly 15 m/s, as their airframe can."""
+SPEED_PARAMETERS = {
+    "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0)),
+    "px4": (("MPC_XY_VEL_MAX", 15.0),),
+}
+"""What the owner of the simulated vehicles has set: as fast as their airframe can."""
 
 
 def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimConfig:
