@@ -35,6 +35,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_filters
 	$(BIN)/python -m tests.benchmarks.bench_study
 	$(BIN)/python -m tests.benchmarks.bench_designs
+	$(BIN)/python -m tests.benchmarks.bench_vehicles
 
 docs: setup
 	$(BIN)/python docs/generate.py

@@ -21,12 +21,30 @@ class VehicleLimits:
         acceleration_mps2: Greatest horizontal acceleration.
         climb_mps: Greatest climb and descent speed.
         climb_acceleration_mps2: Greatest vertical acceleration.
+        jerk_mps3: Greatest rate of change of the acceleration, horizontally and vertically: it
+            leans to its greatest acceleration in a fifth of a second.
     """
 
     speed_mps: float = 15.0
     acceleration_mps2: float = 3.0
     climb_mps: float = 3.0
     climb_acceleration_mps2: float = 2.0
+    jerk_mps3: float = 15.0
+
+
+@dataclass(frozen=True)
+class ClockConfig:
+    """Errors of a vehicle's clocks.
+
+    Attributes:
+        drift: Of its boot clock: seconds it gains in a second.
+        utc_offset_s: Of the UTC it reports.
+        utc_jitter_s: Standard deviation of each report of UTC about that.
+    """
+
+    drift: float = 0.0
+    utc_offset_s: float = 0.0
+    utc_jitter_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -39,11 +57,18 @@ class VehicleConfig:
         launch_lon_rad: Launch point longitude, rad.
         launch_alt_amsl_m: Ground level at the launch point, m.
         limits: Performance.
+        autopilot: Whose manners it has.
+        parameters: What its owner has set, by name; all others have the autopilot's defaults.
+        parameter_names: The ArduPilot release whose parameter names it goes by.
+        full_boot: Whether booting takes as long as it really does, or a few seconds.
+        clock: Errors of its clocks.
         boot_delay_s: Simulation time at which it powers up.
         silent: Fault: never says a word.
         refuses_arming: Fault: denies every request to arm, with a STATUSTEXT; as with checks
             that run only then, the pre-arm bit of SYS_STATUS does not tell.
         dies_at_s: Fault: falls silent at this simulation time (link lost); None for never.
+        gps_lost_at_s: Fault: without GPS from this simulation time on; None for never.
+        charge: Battery charge at the start, 0..1.
     """
 
     sysid: int
@@ -51,10 +76,17 @@ class VehicleConfig:
     launch_lon_rad: float
     launch_alt_amsl_m: float
     limits: VehicleLimits = field(default_factory=VehicleLimits)
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    parameters: tuple[tuple[str, float], ...] = ()
+    parameter_names: Literal["4.6", "4.7-dev", "4.7"] = "4.7-dev"
+    full_boot: bool = False
+    clock: ClockConfig = field(default_factory=ClockConfig)
     boot_delay_s: float = 0.0
     silent: bool = False
     refuses_arming: bool = False
     dies_at_s: float | None = None
+    gps_lost_at_s: float | None = None
+    charge: float = 1.0
 
 
 @dataclass(frozen=True)

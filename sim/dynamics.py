@@ -1,7 +1,7 @@
 """How a multirotor moves: a point mass under a velocity loop, drag, wind and the ground.
 
-The closed attitude loop is taken as instantaneous; what remains is what a controller of
-positions notices: accelerations and speeds are bounded, a moving target is followed with a
+Of the closed attitude loop only its jerk limit is left; what remains is what a controller of
+positions notices: jerks, accelerations and speeds are bounded, a moving target is followed with a
 small lag, wind pushes, the ground stops. Everything in ENU and SI.
 """
 
@@ -39,12 +39,14 @@ class State(msgspec.Struct, frozen=True, gc=False):
         velocity_enu: Velocity, m/s.
         thrust_enu: Rotor thrust per unit of mass, m/s²: the direction the airframe leans to.
         on_ground: Whether it stands on the ground.
+        acceleration_enu: Acceleration, m/s²; what a jerk changes.
     """
 
     position_enu: Vector
     velocity_enu: Vector = (0.0, 0.0, 0.0)
     thrust_enu: Vector = (0.0, 0.0, GRAVITY_MPS2)
     on_ground: bool = True
+    acceleration_enu: Vector = (0.0, 0.0, 0.0)
 
 
 class Command(msgspec.Struct, frozen=True, gc=False):
@@ -55,11 +57,13 @@ class Command(msgspec.Struct, frozen=True, gc=False):
             axis where only the velocity is controlled.
         velocity_enu: Velocity of the setpoint, fed forward, m/s.
         gain_per_s: Approach speed per metre of position error, 1/s.
+        speed_mps: Greatest horizontal speed the autopilot allows itself, m/s.
     """
 
     error_enu: Vector
     velocity_enu: Vector
     gain_per_s: float
+    speed_mps: float = math.inf
 
 
 def approach_speed(distance_m: float, gain_per_s: float, braking_mps2: float) -> float:
@@ -114,6 +118,13 @@ def step(
         scale = limits.acceleration_mps2 / horizontal
         ax, ay = ax * scale, ay * scale
     az = max(-limits.climb_acceleration_mps2, min(limits.climb_acceleration_mps2, az))
+    # Between two permitted accelerations lie permitted ones only.
+    (was_x, was_y, was_z), change = state.acceleration_enu, limits.jerk_mps3 * dt_s
+    horizontal = math.hypot(ax - was_x, ay - was_y)
+    if horizontal > change:
+        scale = change / horizontal
+        ax, ay = was_x + (ax - was_x) * scale, was_y + (ay - was_y) * scale
+    az = max(was_z - change, min(was_z + change, az))
 
     # Projecting onto the permitted speeds never lengthens the step from a permitted velocity,
     # so the acceleration limits hold as well.
@@ -134,6 +145,7 @@ def step(
         (new_x, new_y, new_z),
         (ax - drag_x, ay - drag_y, az - drag_z + GRAVITY_MPS2),
         False,
+        (ax, ay, az),
     )
 
 
@@ -153,9 +165,9 @@ def _wanted_velocity(command: Command, limits: VehicleLimits) -> Vector:
             abs(ez), command.gain_per_s, BRAKING_MARGIN * limits.climb_acceleration_mps2
         )
         z += math.copysign(closing, ez)
-    speed = math.hypot(x, y)
-    if speed > limits.speed_mps:
-        scale = limits.speed_mps / speed
+    speed, greatest = math.hypot(x, y), min(limits.speed_mps, command.speed_mps)
+    if speed > greatest:
+        scale = greatest / speed
         x, y = x * scale, y * scale
     return x, y, max(-limits.climb_mps, min(limits.climb_mps, z))
 

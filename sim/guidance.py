@@ -4,7 +4,7 @@ A task is a frozen value; :meth:`Task.fly` returns the command for this step and
 the next one, which is how a climb becomes a cruise and a cruise a landing. Everything in ENU
 and SI, in the autopilot's own solution: what it believes, not what is true.
 
-Times and speeds are ArduCopter's defaults.
+Times and speeds are ArduCopter's where a task does not carry its own.
 """
 
 from __future__ import annotations
@@ -14,29 +14,25 @@ from typing import Protocol
 
 import msgspec
 
-from sim.dynamics import Command
+from sim.dynamics import VELOCITY_GAIN_PER_S, Command
 from swarmctl.frames import Vector
 
 FOLLOW_GAIN_PER_S = 1.0
 """Of a setpoint with velocity feed-forward, and of holding a place."""
 SETTLE_GAIN_PER_S = 0.69
 """Of a setpoint without velocity: one moving at 4 m/s is followed 7.2 m behind."""
-SETPOINT_TIMEOUT_S = 3.0
-"""GUID_TIMEOUT: the velocity of a setpoint counts for so long."""
-SPOOL_UP_S = 3.0
-"""From the take-off command to the first movement."""
-RETURN_HEIGHT_M = 15.0
-"""RTL_ALT: height above home to fly home at, or higher if it already is."""
-LAND_FAST_MPS = 1.5
-LAND_SLOW_MPS = 0.5
-LAND_SLOW_BELOW_M = 10.0
-"""Height above home below which a landing slows down."""
-SINK_MPS = 2.5
-"""Descent of a pilot-flown mode whose throttle stick rests at the bottom."""
+ACCELERATION_TIME_S = 1.0 / VELOCITY_GAIN_PER_S
+"""A velocity so far ahead of the present one makes the airframe's velocity loop accelerate."""
 STOPPED_MPS = 0.3
 """Braking ends below this speed and the place reached is held."""
 REACHED_M = 0.5
 HOME_REACHED_M = 1.0
+
+AXES_GAIN_PER_S = 0.95
+"""PX4's MPC_XY_P."""
+VERTICAL_DRIFT_MPS = 0.154
+"""PX4 told to keep a vertical velocity of zero rose by 10 m in 65 s."""
+LIFT_MPS = 0.1
 
 _STILL: Vector = (0.0, 0.0, 0.0)
 
@@ -110,11 +106,13 @@ class FlyTo(msgspec.Struct, frozen=True, gc=False):
         position_enu: Position at ``set_s``, m; held for ever.
         velocity_enu: Its velocity, m/s; None where the setpoint had none.
         set_s: Simulation time the setpoint came, s.
+        timeout_s: Its velocity counts for so long, s.
     """
 
     position_enu: Vector
     velocity_enu: Vector | None
     set_s: float
+    timeout_s: float
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
@@ -122,8 +120,8 @@ class FlyTo(msgspec.Struct, frozen=True, gc=False):
             way = situation.way_to(self.position_enu)
             return self, Command(way, _STILL, SETTLE_GAIN_PER_S)
         age = situation.now_s - self.set_s
-        live = age <= SETPOINT_TIMEOUT_S
-        moved = age if live else SETPOINT_TIMEOUT_S
+        live = age <= self.timeout_s
+        moved = age if live else self.timeout_s
         (x, y, z), (vx, vy, vz) = self.position_enu, self.velocity_enu
         way = situation.way_to((x + vx * moved, y + vy * moved, z + vz * moved))
         return self, Command(way, self.velocity_enu if live else _STILL, FOLLOW_GAIN_PER_S)
@@ -135,16 +133,70 @@ class FlyVelocity(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         velocity_enu: Velocity, m/s.
         set_s: Simulation time the setpoint came, s.
+        timeout_s: It counts for so long, s.
     """
 
     velocity_enu: Vector
     set_s: float
+    timeout_s: float
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
-        if situation.now_s - self.set_s > SETPOINT_TIMEOUT_S:
+        if situation.now_s - self.set_s > self.timeout_s:
             return Hold().fly(situation)
         return self, Command(_STILL, self.velocity_enu, FOLLOW_GAIN_PER_S)
+
+
+class FlyAcceleration(msgspec.Struct, frozen=True, gc=False):
+    """Follow an acceleration setpoint; brake and hold when it times out.
+
+    Attributes:
+        acceleration_enu: Acceleration, m/s².
+        set_s: Simulation time the setpoint came, s.
+        timeout_s: It counts for so long, s.
+    """
+
+    acceleration_enu: Vector
+    set_s: float
+    timeout_s: float
+
+    def fly(self, situation: Situation) -> tuple[Task, Command | None]:
+        """See :class:`Task`."""
+        if situation.now_s - self.set_s > self.timeout_s:
+            return Hold().fly(situation)
+        (vx, vy, vz), (ax, ay, az) = situation.velocity_enu, self.acceleration_enu
+        h = ACCELERATION_TIME_S
+        return self, Command(_STILL, (vx + ax * h, vy + ay * h, vz + az * h), FOLLOW_GAIN_PER_S)
+
+
+class FlyAxes(msgspec.Struct, frozen=True, gc=False):
+    """Follow a setpoint axis by axis, as PX4 does, for as long as the mode lasts.
+
+    Attributes:
+        position_enu: Position, m; None on an axis without one.
+        velocity_enu: Velocity, m/s, fed forward where there is a position; an axis with neither
+            is not moved.
+    """
+
+    position_enu: tuple[float | None, float | None, float | None]
+    velocity_enu: Vector
+
+    def fly(self, situation: Situation) -> tuple[Task, Command | None]:
+        """See :class:`Task`."""
+        (px, py, pz), (x, y, z) = self.position_enu, situation.position_enu
+        vx, vy, vz = self.velocity_enu
+        way = (
+            0.0 if px is None else px - x,
+            0.0 if py is None else py - y,
+            0.0 if pz is None else pz - z,
+        )
+        climb = vz + VERTICAL_DRIFT_MPS if pz is None else vz
+        return self, Command(way, (vx, vy, climb), AXES_GAIN_PER_S)
+
+    def lifts(self, position_enu: Vector) -> bool:
+        """Whether it asks a vehicle that stands at a position (m) to leave the ground."""
+        up = self.position_enu[2]
+        return self.velocity_enu[2] > LIFT_MPS if up is None else up - position_enu[2] > REACHED_M
 
 
 class TakeOff(msgspec.Struct, frozen=True, gc=False):
@@ -153,65 +205,86 @@ class TakeOff(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         target_enu: Position above the launch point to climb to, m.
         started_s: Simulation time of the command, s.
+        spool_up_s: From the command to the first movement, s.
+        climb_mps: Greatest climb, m/s.
     """
 
     target_enu: Vector
     started_s: float
+    spool_up_s: float
+    climb_mps: float
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
-        if situation.now_s - self.started_s < SPOOL_UP_S:
+        if situation.now_s - self.started_s < self.spool_up_s:
             return self, None
-        way = situation.way_to(self.target_enu)
-        if abs(way[2]) < REACHED_M:
+        x, y, up = situation.way_to(self.target_enu)
+        if abs(up) < REACHED_M:
             return Hold(self.target_enu).fly(situation)
-        return self, Command(way, _STILL, FOLLOW_GAIN_PER_S)
+        if FOLLOW_GAIN_PER_S * up > self.climb_mps:
+            return self, Command((x, y, 0.0), (0.0, 0.0, self.climb_mps), FOLLOW_GAIN_PER_S)
+        return self, Command((x, y, up), _STILL, FOLLOW_GAIN_PER_S)
 
 
 class Descend(msgspec.Struct, frozen=True, gc=False):
     """Go straight down to the ground.
 
     Attributes:
-        landing: Whether this is a landing, which slows down near the ground and disarms there,
-            or a mode that sinks because nobody holds the stick.
+        landing: Whether this is a landing, which disarms on the ground, or a mode that sinks
+            because nobody holds the stick.
+        fast_mps: Rate of descent high up, m/s.
+        slow_mps: Rate of descent near the ground, m/s.
+        slow_below_m: Height above home below which that begins, m.
         anchor_enu: Place to descend at, m; None while braking.
     """
 
     landing: bool
+    fast_mps: float
+    slow_mps: float
+    slow_below_m: float
     anchor_enu: Vector | None = None
+
+    def at(self, anchor_enu: Vector | None) -> Descend:
+        """The same at a place, m."""
+        return Descend(self.landing, self.fast_mps, self.slow_mps, self.slow_below_m, anchor_enu)
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
         anchor = situation.anchor(self.anchor_enu)
-        task = self if anchor is self.anchor_enu else Descend(self.landing, anchor)
+        task = self if anchor is self.anchor_enu else self.at(anchor)
         height_m = situation.position_enu[2] - situation.home_enu[2]
-        if not self.landing:
-            rate = SINK_MPS
-        elif height_m > LAND_SLOW_BELOW_M:
-            rate = LAND_FAST_MPS
-        else:
-            rate = LAND_SLOW_MPS
+        rate = self.fast_mps if height_m > self.slow_below_m else self.slow_mps
         way = situation.level_way_to(anchor)
         return task, Command(way, (0.0, 0.0, -rate), FOLLOW_GAIN_PER_S)
+
+
+def sink(rate_mps: float) -> Descend:
+    """What a pilot-flown mode does whose throttle stick rests at the bottom."""
+    return Descend(False, rate_mps, rate_mps, 0.0)
 
 
 class ReturnClimb(msgspec.Struct, frozen=True, gc=False):
     """First leg of a return: climb to the return height where it is.
 
     Attributes:
+        height_m: Height above home to fly home at, m, or higher if it already is.
+        landing: How it lands at home.
         anchor_enu: Place to climb at, m; None while braking.
     """
 
+    height_m: float
+    landing: Descend
     anchor_enu: Vector | None = None
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
-        climb_m = situation.home_enu[2] + RETURN_HEIGHT_M - situation.position_enu[2]
+        climb_m = situation.home_enu[2] + self.height_m - situation.position_enu[2]
         if climb_m < REACHED_M:
-            return ReturnCruise(situation.position_enu[2]).fly(situation)
+            return ReturnCruise(situation.position_enu[2], self.landing).fly(situation)
         anchor = situation.anchor(self.anchor_enu)
         x, y, _ = situation.level_way_to(anchor)
-        task = self if anchor is self.anchor_enu else ReturnClimb(anchor)
+        same = anchor is self.anchor_enu
+        task = self if same else ReturnClimb(self.height_m, self.landing, anchor)
         return task, Command((x, y, climb_m), _STILL, FOLLOW_GAIN_PER_S)
 
 
@@ -220,14 +293,16 @@ class ReturnCruise(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         up_m: Up coordinate to fly at, m.
+        landing: How it lands at home.
     """
 
     up_m: float
+    landing: Descend
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
         x, y, _ = situation.home_enu
         way = situation.way_to((x, y, self.up_m))
         if math.hypot(way[0], way[1]) < HOME_REACHED_M and situation.stopped():
-            return Descend(True, situation.home_enu).fly(situation)
+            return self.landing.at(situation.home_enu).fly(situation)
         return self, Command(way, _STILL, FOLLOW_GAIN_PER_S)

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from sim.mavlink import dialect
-
-DEFAULT_INTERVALS_S = {dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
-"""As in ArduCopter everything but HEARTBEAT is off until asked for."""
-
-MIN_INTERVAL_S, MAX_INTERVAL_S = 1e-3, 60.0
+MIN_INTERVAL_S, MAX_INTERVAL_S = 5e-3, 60.0
 
 _EARLY_S = 1e-6
 
@@ -17,18 +13,20 @@ _EARLY_S = 1e-6
 class Streams:
     """The message intervals of one link.
 
-    Due times are kept on the interval's own grid, so that the mean rate is exact; no message
-    comes more than once in a call of :meth:`due`.
+    Due times are kept on the interval's own grid, so that the mean rate is exact; a message due
+    more often than :meth:`due` is called comes several times at once.
 
     Args:
-        start_s: Simulation time of power-up, when the defaults are first due, s.
+        start_s: Simulation time at which the defaults are first due, s.
+        defaults_s: Interval of each message sent unasked, s.
     """
 
-    __slots__ = ("_due_s", "_interval_s", "_next_s")
+    __slots__ = ("_defaults_s", "_due_s", "_interval_s", "_next_s")
 
-    def __init__(self, start_s: float) -> None:
-        self._interval_s = dict(DEFAULT_INTERVALS_S)
-        self._due_s = dict.fromkeys(DEFAULT_INTERVALS_S, start_s)
+    def __init__(self, start_s: float, defaults_s: Mapping[int, float]) -> None:
+        self._defaults_s = defaults_s
+        self._interval_s = dict(defaults_s)
+        self._due_s = dict.fromkeys(defaults_s, start_s)
         self._next_s = start_s
 
     def set_interval(self, message_id: int, interval_us: float, now_s: float) -> None:
@@ -42,7 +40,7 @@ class Streams:
         if interval_us > 0.0:
             interval_s = min(max(interval_us * 1e-6, MIN_INTERVAL_S), MAX_INTERVAL_S)
         else:
-            interval_s = DEFAULT_INTERVALS_S.get(message_id, 0.0) if interval_us == 0.0 else 0.0
+            interval_s = self._defaults_s.get(message_id, 0.0) if interval_us == 0.0 else 0.0
         self._interval_s.pop(message_id, None)
         self._due_s.pop(message_id, None)
         if interval_s > 0.0:
@@ -56,8 +54,10 @@ class Streams:
             return []
         messages = []
         for message_id, due_s in self._due_s.items():
-            if due_s <= now_s + _EARLY_S:
+            following_s = due_s
+            while following_s <= now_s + _EARLY_S:
                 messages.append(message_id)
-                self._due_s[message_id] = due_s + self._interval_s[message_id]
+                following_s += self._interval_s[message_id]
+            self._due_s[message_id] = following_s
         self._next_s = min(self._due_s.values(), default=math.inf)
         return messages

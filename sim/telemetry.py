@@ -7,15 +7,26 @@ from collections.abc import Callable
 
 from sim.guidance import Descend, TakeOff
 from sim.mavlink import Message, dialect
-from sim.onboard import GPS_FIX_S, Onboard
+from sim.onboard import CAPACITY_MAH, Onboard
 from swarmctl.frames import Vector
 
-FLIGHT_SW_VERSION = 4 << 24 | 7 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL
-"""ArduCopter 4.7.0."""
-HARDWARE_UID = 0x53494D00
-"""Added to the system id it makes the vehicle's hardware uid."""
-CELLS = 4
-FULL_CELL_V, EMPTY_CELL_V = 4.2, 3.5
+EKF_CONSTANT_POSITION = (
+    dialect.ESTIMATOR_ATTITUDE
+    | dialect.ESTIMATOR_VELOCITY_HORIZ
+    | dialect.ESTIMATOR_VELOCITY_VERT
+    | dialect.ESTIMATOR_POS_VERT_ABS
+    | dialect.ESTIMATOR_CONST_POS_MODE
+)
+EKF_POSITION = (
+    dialect.ESTIMATOR_ATTITUDE
+    | dialect.ESTIMATOR_VELOCITY_HORIZ
+    | dialect.ESTIMATOR_VELOCITY_VERT
+    | dialect.ESTIMATOR_POS_HORIZ_REL
+    | dialect.ESTIMATOR_POS_HORIZ_ABS
+    | dialect.ESTIMATOR_POS_VERT_ABS
+    | dialect.ESTIMATOR_PRED_POS_HORIZ_REL
+    | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
+)
 
 _SENSORS = (
     dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -31,12 +42,16 @@ _SENSORS = (
 def heartbeat(onboard: Onboard) -> Message:
     """HEARTBEAT."""
     armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED if onboard.armed else 0
+    if onboard.failsafe:
+        state = dialect.MAV_STATE_CRITICAL
+    else:
+        state = dialect.MAV_STATE_STANDBY if onboard.landed else dialect.MAV_STATE_ACTIVE
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_QUADROTOR,
-        dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        onboard.manners.autopilot,
         onboard.mode.base_mode | armed,
         onboard.mode.number,
-        dialect.MAV_STATE_STANDBY if onboard.landed else dialect.MAV_STATE_ACTIVE,
+        state,
         3,
     )
 
@@ -44,13 +59,15 @@ def heartbeat(onboard: Onboard) -> Message:
 def sys_status(onboard: Onboard) -> Message:
     """SYS_STATUS."""
     present = _SENSORS | dialect.MAV_SYS_STATUS_PREARM_CHECK
-    cell_v = EMPTY_CELL_V + (FULL_CELL_V - EMPTY_CELL_V) * onboard.charge
+    health = present if onboard.prearm_ok else _SENSORS
+    if not onboard.gps_fix:
+        health &= ~dialect.MAV_SYS_STATUS_SENSOR_GPS
     return dialect.MAVLink_sys_status_message(
         present,
         present,
-        present if onboard.prearm_ok else _SENSORS,
+        health | onboard.manners.always_healthy,
         100,
-        round(1000.0 * CELLS * cell_v),
+        round(1000.0 * onboard.voltage_v),
         1500 if onboard.armed else 50,
         round(100.0 * onboard.charge),
         0,
@@ -64,20 +81,22 @@ def sys_status(onboard: Onboard) -> Message:
 
 def system_time(onboard: Onboard) -> Message:
     """SYSTEM_TIME; UTC is unknown before the GPS fix."""
-    utc_s = onboard.utc_start_s + onboard.now_s if onboard.boot_s >= GPS_FIX_S else 0.0
+    # A clock once set goes on without GPS.
+    known = onboard.up_s >= onboard.timeline.gps_fix_s
+    utc_s = onboard.clock.utc_s(onboard.now_s) if known else 0.0
     return dialect.MAVLink_system_time_message(round(utc_s * 1e6), _boot_ms(onboard))
 
 
 def gps_raw_int(onboard: Onboard) -> Message:
     """GPS_RAW_INT."""
-    if onboard.boot_s < GPS_FIX_S:
+    if not onboard.gps_fix:
         return dialect.MAVLink_gps_raw_int_message(
             0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 65535, 65535, 0
         )
     lat_e7, lon_e7, alt_mm = _geodetic_int(onboard, _reported(onboard))
     east, north, _ = onboard.truth.velocity_enu
     return dialect.MAVLink_gps_raw_int_message(
-        round((onboard.utc_start_s + onboard.now_s) * 1e6),
+        round(onboard.clock.utc_s(onboard.now_s) * 1e6),
         dialect.GPS_FIX_TYPE_3D_FIX,
         lat_e7,
         lon_e7,
@@ -161,12 +180,10 @@ def extended_sys_state(onboard: Onboard) -> Message:
 def autopilot_version(onboard: Onboard) -> Message:
     """AUTOPILOT_VERSION."""
     nothing = (0,) * 8
+    manners = onboard.manners
     return dialect.MAVLink_autopilot_version_message(
-        dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
-        | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-        | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-        | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT,
-        FLIGHT_SW_VERSION,
+        manners.capabilities,
+        manners.flight_sw_version,
         0,
         0,
         0,
@@ -175,22 +192,106 @@ def autopilot_version(onboard: Onboard) -> Message:
         nothing,
         0,
         0,
-        HARDWARE_UID + onboard.config.sysid,
+        manners.uid_base + onboard.config.sysid,
     )
 
 
-MESSAGES: dict[int, Callable[[Onboard], Message | None]] = {
+def local_position_ned(onboard: Onboard) -> Message | None:
+    """LOCAL_POSITION_NED; None before there is a position."""
+    if onboard.origin_enu is None:
+        return None
+    (x, y, z), (ox, oy, oz) = onboard.position_enu, onboard.origin_enu
+    east, north, up = onboard.truth.velocity_enu
+    return dialect.MAVLink_local_position_ned_message(
+        _boot_ms(onboard), y - oy, x - ox, oz - z, north, east, -up
+    )
+
+
+def attitude_quaternion(onboard: Onboard) -> Message:
+    """ATTITUDE_QUATERNION: the attitude of ATTITUDE as a rotation from body to NED."""
+    roll, pitch = lean(onboard.truth.thrust_enu, onboard.yaw_rad)
+    sr, cr = math.sin(roll / 2.0), math.cos(roll / 2.0)
+    sp, cp = math.sin(pitch / 2.0), math.cos(pitch / 2.0)
+    sy, cy = math.sin(onboard.yaw_rad / 2.0), math.cos(onboard.yaw_rad / 2.0)
+    return dialect.MAVLink_attitude_quaternion_message(
+        _boot_ms(onboard),
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+def vfr_hud(onboard: Onboard) -> Message:
+    """VFR_HUD."""
+    east, north, up = onboard.truth.velocity_enu
+    speed = math.hypot(east, north)
+    alt = 0.0 if onboard.home_enu is None else _geodetic_int(onboard, onboard.position_enu)[2]
+    heading = round(math.degrees(onboard.yaw_rad)) % 360
+    return dialect.MAVLink_vfr_hud_message(
+        speed, speed, heading, 0 if onboard.landed else 40, alt * 1e-3, up
+    )
+
+
+def battery_status(onboard: Onboard) -> Message:
+    """BATTERY_STATUS."""
+    unused = 65535
+    return dialect.MAVLink_battery_status_message(
+        0,
+        dialect.MAV_BATTERY_FUNCTION_ALL,
+        dialect.MAV_BATTERY_TYPE_LIPO,
+        32767,
+        [round(1000.0 * onboard.voltage_v)] + [unused] * 9,
+        1500 if onboard.armed else 50,
+        round((1.0 - onboard.charge) * CAPACITY_MAH),
+        -1,
+        round(100.0 * onboard.charge),
+    )
+
+
+def ekf_status_report(onboard: Onboard) -> Message:
+    """EKF_STATUS_REPORT."""
+    flags = EKF_POSITION if onboard.position_ok else EKF_CONSTANT_POSITION
+    return dialect.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.0)
+
+
+def gps_global_origin(onboard: Onboard) -> Message | None:
+    """GPS_GLOBAL_ORIGIN; None before it is set."""
+    if onboard.origin_enu is None:
+        return None
+    lat_e7, lon_e7, alt_mm = _geodetic_int(onboard, onboard.origin_enu)
+    return dialect.MAVLink_gps_global_origin_message(lat_e7, lon_e7, alt_mm)
+
+
+def timesync_request(onboard: Onboard) -> Message:
+    """TIMESYNC that asks the other side."""
+    return dialect.MAVLink_timesync_message(0, round(onboard.boot_s * 1e9))
+
+
+COMMON: dict[int, Callable[[Onboard], Message | None]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
     dialect.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
     dialect.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     dialect.MAVLINK_MSG_ID_ATTITUDE: attitude,
+    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: attitude_quaternion,
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
     dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    dialect.MAVLINK_MSG_ID_TIMESYNC: timesync_request,
+    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
     dialect.MAVLINK_MSG_ID_HOME_POSITION: home_position,
     dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
     dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
-"""What can be asked for, by message id."""
+"""What any autopilot can be asked for, by message id."""
+
+ARDUPILOT = COMMON | {dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report}
+"""What ArduCopter can be asked for."""
 
 
 def _boot_ms(onboard: Onboard) -> int:

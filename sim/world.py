@@ -7,7 +7,8 @@ from collections import deque
 
 import msgspec
 
-from sim.autopilot import Autopilot
+from sim.autopilots import PERSONALITIES
+from sim.clock import Clock
 from sim.config import SimConfig, VehicleConfig
 from sim.dynamics import Command, State, step
 from sim.emitter import Emitter, EmitterState
@@ -67,7 +68,10 @@ class Vehicle:
             frame.to_enu(config.launch_lat_rad, config.launch_lon_rad, config.launch_alt_amsl_m)
         )
         self._command: Command | None = None
-        self.autopilot = Autopilot(config, frame, sim.utc_start_s, self._navigation, self.state)
+        clock = Clock(config.clock, sim.utc_start_s, generator(sim.seed, "clock", config.sysid))
+        self.autopilot = PERSONALITIES[config.autopilot](
+            config, frame, clock, self._navigation, self.state
+        )
 
     def advance(self, now_s: float) -> None:
         """Live through the step that ends at a simulation time (s)."""

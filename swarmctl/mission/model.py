@@ -315,6 +315,7 @@ class Simulation(Section):
 
     Attributes:
         seed: Seed of every random draw.
+        autopilot: Whose manners the vehicles have.
         launch_spacing_m: Distance between launch points, eastwards from the origin.
         emitter: The true emitter.
         receivers: The receivers.
@@ -324,6 +325,7 @@ class Simulation(Section):
     """
 
     seed: Annotated[int, Field(ge=0)] = 0
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     launch_spacing_m: Positive = 20.0
     emitter: SimEmitter
     receivers: SimReceivers = SimReceivers()

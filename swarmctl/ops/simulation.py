@@ -32,6 +32,12 @@ from swarmctl.mission.model import Mission, Simulation
 READY = "simulating"
 """First word of the line a simulator process prints once it serves."""
 
+SPEED_PARAMETERS = {
+    "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0)),
+    "px4": (("MPC_XY_VEL_MAX", 15.0),),
+}
+"""What the owner of the simulated vehicles has set: as fast as their airframe can."""
+
 
 def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimConfig:
     """Configuration of a mission's simulation.
@@ -57,6 +63,8 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
                 launch_lat_rad=lat,
                 launch_lon_rad=lon,
                 launch_alt_amsl_m=alt,
+                autopilot=section.autopilot,
+                parameters=SPEED_PARAMETERS[section.autopilot],
                 boot_delay_s=0.1 * i,
                 silent=kind == "silent",
                 refuses_arming=kind == "refuses_arming",

@@ -35,6 +35,15 @@ def test_what_the_receivers_publish_is_handed_on(publish: str) -> None:
     assert sim_config(mission, None, 0.0).receivers.publish == publish
 
 
+def test_the_vehicles_have_the_manners_the_mission_says() -> None:
+    def autopilots(**changes: object) -> set[str]:
+        config = sim_config(parse_mission(short_mission_text(**changes)), None, 0.0)
+        return {vehicle.autopilot for vehicle in config.vehicles}
+
+    assert autopilots() == {"ardupilot"}
+    assert autopilots(sim__autopilot="px4") == {"px4"}
+
+
 def test_the_seed_can_be_overridden() -> None:
     assert sim_config(load_mission(DEMO), 7, 0.0).seed == 7
 

@@ -10,7 +10,6 @@ import msgspec
 from swarmctl import events
 from swarmctl.events import Record
 
-
 R = TypeVar("R", bound=Record)
 
 

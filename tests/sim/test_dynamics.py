@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -50,6 +51,25 @@ def test_speed_and_acceleration_limits_hold(
         assert math.hypot(vx - ox, vy - oy) <= LIMITS.acceleration_mps2 * DT + 1e-9
         assert abs(vz - oz) <= LIMITS.climb_acceleration_mps2 * DT + 1e-9
         state = new
+
+
+def test_it_leans_no_faster_than_the_jerk_limit() -> None:
+    state = State((0.0, 0.0, 0.0), CALM, CALM, False)
+    velocities = [state.velocity_enu]
+    for target in (300.0, -300.0):
+        for _ in range(100):
+            ahead = Command((target, 0.0, 50.0), CALM, 1.0)
+            state = step(state, ahead, (3.0, 0.0, 0.0), LIMITS, DEEP, DT)
+            velocities.append(state.velocity_enu)
+    for axis in (0, 2):
+        speeds = [0.0] + [velocity[axis] for velocity in velocities]
+        changes = [
+            abs(c - 2.0 * b + a) for a, b, c in zip(speeds, speeds[1:], speeds[2:], strict=False)
+        ]
+        # The jerk's effect on a velocity in one step; the full acceleration is used all the same.
+        assert max(changes) == pytest.approx(LIMITS.jerk_mps3 * DT * DT)
+    fastest = max(b[0] - a[0] for a, b in itertools.pairwise(velocities))
+    assert fastest == pytest.approx(LIMITS.acceleration_mps2 * DT)
 
 
 def test_a_tailwind_does_not_push_it_beyond_its_speed() -> None:

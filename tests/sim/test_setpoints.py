@@ -7,14 +7,15 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.guidance import FlyTo, FlyVelocity, Hold, Task
+from sim.guidance import FlyAcceleration, FlyTo, FlyVelocity, Hold, Task
 from sim.setpoints import global_setpoint, local_setpoint, setpoint_yaw
 from swarmctl.frames import LocalFrame
 from tests.sim.flying import POSITION_AND_VELOCITY, POSITION_ONLY, VELOCITY_ONLY
 
 FRAME = LocalFrame(math.radians(47.0), math.radians(8.0), 400.0)
 HOME_ALT = 410.0
-NOW = 12.0
+HERE = (1.0, 2.0, 3.0)
+NOW, TIMEOUT = 12.0, 3.0
 ACCELERATION_ONLY = 0b110000111111
 
 
@@ -29,7 +30,7 @@ def global_task(
     message = mavlink.MAVLink_set_position_target_global_int_message(
         0, 1, 1, frame, mask, lat_e7, lon_e7, alt, *velocity_ned, 9, 9, 9, 0.5, 0
     )
-    return global_setpoint(message, FRAME, HOME_ALT, NOW)
+    return global_setpoint(message, FRAME, HOME_ALT, HERE, NOW, TIMEOUT)
 
 
 def local_task(
@@ -42,7 +43,7 @@ def local_task(
     message = mavlink.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, frame, mask, *position_ned, *velocity_ned, 9, 9, 9, 0.5, 0
     )
-    return local_setpoint(message, (100.0, 200.0, 300.0), (1.0, 2.0, 3.0), yaw_rad, NOW)
+    return local_setpoint(message, (100.0, 200.0, 300.0), HERE, yaw_rad, NOW, TIMEOUT)
 
 
 @pytest.mark.parametrize(
@@ -77,14 +78,17 @@ def test_position_alone_and_velocity_alone() -> None:
     position = global_task(POSITION_ONLY)
     assert isinstance(position, FlyTo)
     assert position.velocity_enu is None
-    assert global_task(VELOCITY_ONLY) == FlyVelocity((2.0, 1.0, -3.0), NOW)
+    assert global_task(VELOCITY_ONLY) == FlyVelocity((2.0, 1.0, -3.0), NOW, TIMEOUT)
+
+
+def test_acceleration_alone_is_flown() -> None:
+    assert global_task(ACCELERATION_ONLY) == FlyAcceleration((9.0, 9.0, -9.0), NOW, TIMEOUT)
 
 
 STOPPING_MASKS = {
     "everything ignored": 0b111111111111,
     "one position axis ignored": POSITION_ONLY | 0b100,
     "one velocity axis ignored": VELOCITY_ONLY | 0b100000,
-    "acceleration alone": ACCELERATION_ONLY,
     "position and acceleration": POSITION_ONLY & ~0b111000000,
 }
 
@@ -99,10 +103,19 @@ def test_a_partly_ignored_position_leaves_its_velocity() -> None:
     assert isinstance(global_task(POSITION_AND_VELOCITY | 0b001), FlyVelocity)
 
 
-@pytest.mark.parametrize("frame", [mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT, 12, 200])
+@pytest.mark.parametrize("frame", [12, 200])
 def test_an_unknown_frame_stops_the_vehicle(frame: int) -> None:
     assert global_task(frame=frame) == Hold()
     assert local_task(frame) == Hold()
+
+
+def test_a_position_above_terrain_is_flown_at_the_present_height() -> None:
+    task = global_task(
+        POSITION_ONLY, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT, lat_e7=470010000, alt=80.0
+    )
+    assert isinstance(task, FlyTo)
+    assert task.position_enu[1] == pytest.approx(111.18, abs=0.02)
+    assert task.position_enu[2] == pytest.approx(HERE[2], abs=0.01)
 
 
 def test_impossible_numbers_stop_the_vehicle() -> None:

@@ -276,3 +276,8 @@ def test_contradictory_configurations_are_refused_in_one_sentence() -> None:
         World(simulation(receivers=ReceiverConfig(reference=9)))
     with pytest.raises(SimError, match="at most 50 Hz"):
         World(simulation(receivers=ReceiverConfig(reference=1, rate_hz=60.0)))
+
+
+def test_a_parameter_the_autopilot_does_not_have_cannot_be_set() -> None:
+    with pytest.raises(SimError, match=r"UAV 1 has no parameter RTL_ALT: .* px4"):
+        World(simulation(vehicle(autopilot="px4", parameters=(("RTL_ALT", 20.0),))))

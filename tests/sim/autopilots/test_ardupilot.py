@@ -1,4 +1,4 @@
-"""The manners of the simulated autopilot, one by one, over MAVLink bytes."""
+"""The manners of the ardupilot personality, one by one, over MAVLink bytes."""
 
 from __future__ import annotations
 
@@ -52,12 +52,14 @@ class TestBoot:
         assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 0) == []
         assert of_type("HEARTBEAT", station.advance(0.2))
 
-    def test_only_the_heartbeat_streams(self) -> None:
+    def test_only_the_heartbeat_streams_and_seldom_a_timesync(self) -> None:
         station = Station()
         messages = station.advance(29.5)
-        assert len(messages) == 30
-        assert {message.get_type() for _, message in messages} == {"HEARTBEAT"}
-        heartbeat = messages[-1][1]
+        heartbeats, requests = of_type("HEARTBEAT", messages), of_type("TIMESYNC", messages)
+        assert (len(heartbeats), len(requests)) == (30, 3)
+        assert len(messages) == 33
+        assert all(request.tc1 == 0 for request in requests)
+        heartbeat = heartbeats[-1]
         assert heartbeat.type == mavlink.MAV_TYPE_QUADROTOR
         assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         assert heartbeat.custom_mode == STABILIZE

@@ -1,0 +1,349 @@
+"""The ``ardupilot`` personality: ArduCopter as measured on 4.7 in development, in SITL."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from sim import setpoints, telemetry
+from sim.autopilots.ardupilot_parameters import parameters
+from sim.autopilots.autopilot import Autopilot, Request
+from sim.clock import Clock
+from sim.config import VehicleConfig
+from sim.dynamics import State
+from sim.fence import Fence
+from sim.guidance import Descend, FlyTo, Hold, ReturnClimb, TakeOff, sink
+from sim.manners import Manners, Timeline
+from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
+from sim.modes import FlightMode
+from sim.navigation import PositionError
+from sim.onboard import CAPACITY_MAH, Onboard
+from sim.parameters import Parameters
+from sim.plans import TransferManners
+from swarmctl.frames import LocalFrame
+
+SINK_MPS = 2.5
+SPOOL_UP_S = 3.35
+"""From the take-off command to the first movement."""
+GPS_LOSS_S = 8.0
+"""Without GPS for so long it lands."""
+
+_ALWAYS = (
+    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
+    | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+)
+_BY_ITSELF = _ALWAYS | dialect.MAV_MODE_FLAG_GUIDED_ENABLED
+
+
+def _sink(_parameters: Parameters) -> Descend:
+    return sink(SINK_MPS)
+
+
+def _hold(_parameters: Parameters) -> Hold:
+    return Hold()
+
+
+def _landing(parameters: Parameters) -> Descend:
+    fast = parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]
+    slow, below = parameters["LAND_SPEED"], parameters["LAND_ALT_LOW"]
+    return Descend(True, 0.01 * fast, 0.01 * slow, 0.01 * below)
+
+
+def _homing(parameters: Parameters) -> ReturnClimb:
+    return ReturnClimb(0.01 * parameters["RTL_ALT"], _landing(parameters))
+
+
+STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, _sink)
+ALT_HOLD = FlightMode(2, "ALT_HOLD", True, _ALWAYS, _sink)
+GUIDED = FlightMode(4, "GUIDED", True, _BY_ITSELF, _hold)
+LOITER = FlightMode(5, "LOITER", True, _ALWAYS, _sink)
+RTL = FlightMode(6, "RTL", False, _BY_ITSELF, _homing)
+LAND = FlightMode(9, "LAND", False, _ALWAYS, _landing)
+POSHOLD = FlightMode(16, "POSHOLD", True, _ALWAYS, _sink)
+BRAKE = FlightMode(17, "BRAKE", False, _ALWAYS, _hold)
+
+MODES = {
+    mode.number: mode for mode in (STABILIZE, ALT_HOLD, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
+}
+"""By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
+
+GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
+"""By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
+BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
+"""By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
+FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: RTL}
+"""By FENCE_ACTION."""
+
+_STREAM_GROUPS = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_SYS_STATUS,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+    ),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: (),
+    dialect.MAV_DATA_STREAM_POSITION: (
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    dialect.MAV_DATA_STREAM_EXTRA1: (dialect.MAVLINK_MSG_ID_ATTITUDE,),
+    dialect.MAV_DATA_STREAM_EXTRA2: (dialect.MAVLINK_MSG_ID_VFR_HUD,),
+    dialect.MAV_DATA_STREAM_EXTRA3: (
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
+        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""Messages of REQUEST_DATA_STREAM's groups."""
+
+MANNERS = Manners(
+    autopilot=dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    flight_sw_version=4 << 24 | 7 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL,
+    capabilities=dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT,
+    uid_base=0x53494D00,
+    boot=Timeline(heartbeat_s=1.0, gps_fix_s=10.0, home_set_s=20.0, armable_s=43.0),
+    first_mode=STABILIZE,
+    always_healthy=dialect.MAV_SYS_STATUS_GEOFENCE,
+    streams={
+        dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+        dialect.MAVLINK_MSG_ID_TIMESYNC: 10.0,
+    },
+    refused=FAILED,
+    unknown_message=FAILED,
+    unknown_interval=DENIED,
+    parameters_per_s=1500.0,
+)
+
+
+class ArduPilot(Autopilot):
+    """ArduCopter.
+
+    Args:
+        config: The UAV.
+        frame: Frame of the simulated world.
+        clock: Its clocks.
+        navigation: Error of its positions; the caller moves it on.
+        truth: True state at the start.
+    """
+
+    manners = MANNERS
+    transfer = TransferManners(
+        asks_int=False, repeat_s=1.0, give_up_s=8.0, says_so=True, home_is_first=True
+    )
+    telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]] = telemetry.ARDUPILOT
+
+    def __init__(
+        self,
+        config: VehicleConfig,
+        frame: LocalFrame,
+        clock: Clock,
+        navigation: PositionError,
+        truth: State,
+    ) -> None:
+        table = parameters(config.parameter_names, config.sysid)
+        super().__init__(config, frame, clock, navigation, truth, table)
+        self._gcs_lost = self._battery_low = self._battery_critical = self._outside = False
+        self._low_since_s: float | None = None
+        self._critical_since_s: float | None = None
+        self._gps_lost_since_s: float | None = None
+        self._messages[dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM] = self._on_request_data_stream
+        self._commands[dialect.MAV_CMD_DO_FENCE_ENABLE] = self._do_fence_enable
+
+    # --- Failsafes ---------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        me, parameters = self._me, self._me.parameters
+        me.gps_ok = me.gps_ok and parameters["SIM_GPS1_ENABLE"] == 1.0
+        me.full_v = parameters["SIM_BATT_VOLTAGE"]
+        self._watch_gcs()
+        self._watch_battery()
+        self._watch_gps()
+        self._watch_fence()
+        me.failsafe = self._gcs_lost or self._battery_low or self._battery_critical
+
+    def _watch_gcs(self) -> None:
+        parameters = self._me.parameters
+        enabled = int(parameters["FS_GCS_ENABLE"])
+        lost = enabled != 0 and self._gcs_silent_s() > parameters["FS_GCS_TIMEOUT"]
+        if lost and not self._gcs_lost and self._me.armed:
+            self._fail(GCS_ACTIONS.get(enabled), "GCS Failsafe")
+        elif self._gcs_lost and not lost:
+            self._say("GCS Failsafe Cleared", dialect.MAV_SEVERITY_WARNING)
+        self._gcs_lost = lost and (self._gcs_lost or self._me.armed)
+
+    def _watch_battery(self) -> None:
+        me, parameters = self._me, self._me.parameters
+        left_mah = me.charge * CAPACITY_MAH
+        low = me.voltage_v < parameters["BATT_LOW_VOLT"] or left_mah < parameters["BATT_LOW_MAH"]
+        critical = (
+            me.voltage_v < parameters["BATT_CRT_VOLT"] or left_mah < parameters["BATT_CRT_MAH"]
+        )
+        self._low_since_s = _since(self._low_since_s, low, me.now_s)
+        self._critical_since_s = _since(self._critical_since_s, critical, me.now_s)
+        timer_s = parameters["BATT_LOW_TIMER"]
+        if not me.armed:
+            self._battery_low = self._battery_critical = False
+            return
+        if not self._battery_critical and _for(self._critical_since_s, me.now_s, timer_s):
+            self._battery_critical = self._battery_low = True
+            action = BATTERY_ACTIONS.get(int(parameters["BATT_FS_CRT_ACT"]))
+            self._fail(action, "Battery 1 is critical")
+        if not self._battery_low and _for(self._low_since_s, me.now_s, timer_s):
+            self._battery_low = True
+            self._fail(BATTERY_ACTIONS.get(int(parameters["BATT_FS_LOW_ACT"])), "Battery 1 is low")
+
+    def _watch_gps(self) -> None:
+        me = self._me
+        lost = me.armed and not me.gps_ok
+        self._gps_lost_since_s = _since(self._gps_lost_since_s, lost, me.now_s)
+        needs_position = me.mode in {GUIDED, LOITER, RTL, POSHOLD, BRAKE}
+        if needs_position and _for(self._gps_lost_since_s, me.now_s, GPS_LOSS_S):
+            self._fail(LAND, "EKF Failsafe: changed to LAND Mode")
+
+    def _watch_fence(self) -> None:
+        me = self._me
+        outside = me.armed and not me.landed and not self.fence().contains(me.position_enu)
+        if outside and not self._outside:
+            self._fail(FENCE_ACTIONS.get(int(me.parameters["FENCE_ACTION"])), "Fence Breached")
+        self._outside = outside
+
+    def _fail(self, mode: FlightMode | None, text: str) -> None:
+        """Say what failed and do what is set for it; on the ground that is to disarm."""
+        self._say(text)
+        if mode is None:
+            return
+        if self._me.landed:
+            self._me.armed = False
+        elif self._me.mode is not LAND:
+            self._enter(mode)
+
+    def _build_fence(self) -> Fence:
+        me, parameters = self._me, self._me.parameters
+        if parameters["FENCE_ENABLE"] != 1.0 or me.home_enu is None:
+            return Fence()
+        kinds = int(parameters["FENCE_TYPE"])
+        ceiling = me.home_enu[2] + parameters["FENCE_ALT_MAX"] if kinds & 1 else math.inf
+        radius = parameters["FENCE_RADIUS"] if kinds & 2 else math.inf
+        if not kinds & 4:
+            circles = ((*me.home_enu[:2], radius),) if math.isfinite(radius) else ()
+            return Fence(circles_inside=circles, ceiling_up_m=ceiling)
+        return self._planned_fence(ceiling, radius)
+
+    def _fence_margin_m(self) -> float:
+        return self._me.parameters["FENCE_MARGIN"]
+
+    def _do_fence_enable(self, request: Request) -> int:
+        if request.param1 not in {0.0, 1.0}:
+            return DENIED
+        self._me.parameters.assign("FENCE_ENABLE", request.param1)
+        return ACCEPTED
+
+    def _is_gcs(self, message: Message) -> bool:
+        return bool(message.get_srcSystem() == self._me.parameters["MAV_GCS_SYSID"])
+
+    # --- Modes -------------------------------------------------------------------------
+
+    def _land(self) -> FlightMode:
+        return LAND
+
+    def _return(self) -> FlightMode:
+        return RTL
+
+    def _mode_asked_for(self, base_mode: int, main: int, sub: int) -> FlightMode | int:
+        return MODES.get(main, FAILED)
+
+    def _enter(self, mode: FlightMode) -> int:
+        if mode is not self._me.mode:
+            super()._enter(mode)
+            self._after_ack.append(telemetry.heartbeat(self._me))
+        return ACCEPTED
+
+    # --- Arming and take-off -----------------------------------------------------------
+
+    def _arming_refusal(self) -> str | None:
+        me = self._me
+        if not me.position_ok:
+            return "Arm: Need Position Estimate"
+        if me.config.refuses_arming:
+            return "Arm: Compass not healthy"
+        if not me.mode.can_arm:
+            return f"Arm: {me.mode.name} mode not armable"
+        return None
+
+    def _idle_limit_s(self) -> float:
+        task = self._me.task
+        landing = isinstance(task, Descend) and task.landing
+        return 0.0 if landing else self._me.parameters["DISARM_DELAY"]
+
+    def _may_lift(self) -> bool:
+        return isinstance(self._me.task, TakeOff)
+
+    def _do_take_off(self, request: Request) -> int:
+        me = self._me
+        if request.frame != dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT:
+            return DENIED
+        ready = me.armed and me.landed and me.mode is GUIDED
+        if not ready or me.home_enu is None:
+            return FAILED
+        x, y, z = me.position_enu
+        target_up = me.home_enu[2] + request.z
+        if not math.isfinite(target_up) or target_up <= z:
+            return FAILED
+        climb_mps = 0.01 * me.parameters["WPNAV_SPEED_UP"]
+        me.task = TakeOff((x, y, target_up), me.now_s, SPOOL_UP_S, climb_mps)
+        return ACCEPTED
+
+    def _speed_limit_mps(self) -> float:
+        return 0.01 * self._me.parameters["WPNAV_SPEED"]
+
+    # --- Messages ----------------------------------------------------------------------
+
+    def _on_setpoint(self, message: Message, now_s: float) -> None:
+        me = self._me
+        if me.mode is not GUIDED or me.home_enu is None or me.origin_enu is None:
+            return
+        timeout_s = me.parameters["GUID_TIMEOUT"]
+        if message.get_msgId() == dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+            task = setpoints.global_setpoint(
+                message, me.frame, me.home_alt_amsl_m, me.position_enu, now_s, timeout_s
+            )
+        else:
+            task = setpoints.local_setpoint(
+                message, me.origin_enu, me.position_enu, me.yaw_rad, now_s, timeout_s
+            )
+        if isinstance(task, FlyTo) and not self.fence().contains(task.position_enu):
+            return
+        me.task = task
+        yaw = setpoints.setpoint_yaw(message, me.yaw_rad)
+        if yaw is not None:
+            me.wanted_yaw_rad = yaw
+        me.yaw_rate_radps = setpoints.setpoint_yaw_rate(message) if yaw is None else 0.0
+
+    def _on_request_data_stream(self, message: Message, now_s: float) -> None:
+        rate_hz = message.req_message_rate if message.start_stop else 0
+        interval_us = 1e6 / rate_hz if rate_hz > 0 else -1.0
+        everything = message.req_stream_id == dialect.MAV_DATA_STREAM_ALL
+        for group, message_ids in _STREAM_GROUPS.items():
+            if everything or group == message.req_stream_id:
+                for message_id in message_ids:
+                    self._streams.set_interval(message_id, interval_us, now_s)
+
+
+def _since(since_s: float | None, holds: bool, now_s: float) -> float | None:
+    """Simulation time since which something holds, s."""
+    if not holds:
+        return None
+    return now_s if since_s is None else since_s
+
+
+def _for(since_s: float | None, now_s: float, duration_s: float) -> bool:
+    """Whether something has held for a duration, s."""
+    return since_s is not None and now_s - since_s >= duration_s

@@ -1,0 +1,35 @@
+"""A vehicle's own clock: time since power-up by its quartz, UTC by its GPS."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.config import ClockConfig
+from sim.noise import Normals
+
+
+class Clock:
+    """The clocks of one vehicle.
+
+    Args:
+        config: Their errors.
+        utc_start_s: UTC at simulation time 0, s.
+        rng: Generator of its own.
+    """
+
+    __slots__ = ("_config", "_normals", "_utc_start_s")
+
+    def __init__(self, config: ClockConfig, utc_start_s: float, rng: np.random.Generator) -> None:
+        self._config = config
+        self._utc_start_s = utc_start_s
+        self._normals = Normals(rng)
+
+    def elapsed_s(self, true_s: float) -> float:
+        """What its quartz counts in a time span (s)."""
+        return true_s * (1.0 + self._config.drift)
+
+    def utc_s(self, now_s: float) -> float:
+        """UTC as it reports it once at a simulation time (s): each report has its own jitter."""
+        config = self._config
+        utc_s = self._utc_start_s + now_s + config.utc_offset_s
+        return utc_s + config.utc_jitter_s * self._normals.draw() if config.utc_jitter_s else utc_s

@@ -1,0 +1,108 @@
+"""A geofence: where the vehicle may be, and how fast it may still fly towards the edge."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from sim.dynamics import approach_speed
+from swarmctl.frames import Vector
+
+Point = tuple[float, float]
+Polygon = tuple[Point, ...]
+Circle = tuple[float, float, float]
+"""East and north of the centre, radius, m."""
+
+BRAKING_MPS2 = 1.0
+GAIN_PER_S = 1.0
+"""Of the speed allowed towards an edge."""
+
+
+class Fence(msgspec.Struct, frozen=True, gc=False):
+    """A geofence in ENU, m; where it names nothing it allows everything.
+
+    Attributes:
+        inside: Polygons one must be inside of.
+        outside: Polygons one must be outside of.
+        circles_inside: Circles one must be inside of.
+        circles_outside: Circles one must be outside of.
+        ceiling_up_m: Greatest up coordinate.
+    """
+
+    inside: tuple[Polygon, ...] = ()
+    outside: tuple[Polygon, ...] = ()
+    circles_inside: tuple[Circle, ...] = ()
+    circles_outside: tuple[Circle, ...] = ()
+    ceiling_up_m: float = math.inf
+
+    def contains(self, position_enu: Vector) -> bool:
+        """Whether a position, m, is allowed."""
+        x, y, z = position_enu
+        return (
+            z <= self.ceiling_up_m
+            and all(_within(polygon, x, y) for polygon in self.inside)
+            and not any(_within(polygon, x, y) for polygon in self.outside)
+            and all(math.hypot(x - e, y - n) <= r for e, n, r in self.circles_inside)
+            and not any(math.hypot(x - e, y - n) <= r for e, n, r in self.circles_outside)
+        )
+
+    def restrain(self, position_enu: Vector, velocity_enu: Vector, margin_m: float) -> Vector:
+        """A velocity less what would carry the vehicle over an edge.
+
+        Args:
+            position_enu: Where it is, allowed, m.
+            velocity_enu: What it would fly, m/s.
+            margin_m: Distance from the edges at which it is to stop, m.
+        """
+        x, y, z = position_enu
+        vx, vy, vz = velocity_enu
+        for to_x, to_y in self._edges(x, y):
+            distance = math.hypot(to_x, to_y)
+            if distance == 0.0:
+                continue
+            nx, ny = to_x / distance, to_y / distance
+            allowed = _allowed(distance - margin_m)
+            excess = vx * nx + vy * ny - allowed
+            if excess > 0.0:
+                vx, vy = vx - excess * nx, vy - excess * ny
+        if vz > 0.0 and math.isfinite(self.ceiling_up_m):
+            vz = min(vz, _allowed(self.ceiling_up_m - z - margin_m))
+        return vx, vy, vz
+
+    def _edges(self, x: float, y: float) -> list[Point]:
+        """Way from a place to the nearest point of each edge, m."""
+        ways = [
+            _way_to_segment(polygon[i - 1], polygon[i], x, y)
+            for polygon in self.inside + self.outside
+            for i in range(len(polygon))
+        ]
+        for e, n, r in self.circles_inside + self.circles_outside:
+            distance = math.hypot(x - e, y - n)
+            if distance > 0.0:
+                scale = r / distance - 1.0
+                ways.append(((x - e) * scale, (y - n) * scale))
+        return ways
+
+
+def _allowed(distance_m: float) -> float:
+    return approach_speed(max(0.0, distance_m), GAIN_PER_S, BRAKING_MPS2)
+
+
+def _within(polygon: Polygon, x: float, y: float) -> bool:
+    """Whether a point is inside of a polygon."""
+    # An eastward ray from inside crosses the edges an odd number of times.
+    inside = False
+    for i, (bx, by) in enumerate(polygon):
+        ax, ay = polygon[i - 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return inside
+
+
+def _way_to_segment(a: Point, b: Point, x: float, y: float) -> Point:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length2 = dx * dx + dy * dy
+    share = ((x - a[0]) * dx + (y - a[1]) * dy) / length2 if length2 > 0.0 else 0.0
+    share = max(0.0, min(1.0, share))
+    return (a[0] + share * dx - x, a[1] + share * dy - y)
