@@ -278,7 +278,7 @@ class Planner:
         # Who is lost comes to rest gently, lest those behind him have to brake out of formation.
         speeds = np.linalg.norm(self._velocities, axis=1, keepdims=True)
         slower = np.maximum(speeds - self._braking_mps2 * dt, 0.0)
-        velocities = self._velocities * (slower / np.maximum(speeds, 1e-9))
+        velocities: Array = self._velocities * (slower / np.maximum(speeds, 1e-9))
         reference = self._positions[self._reference]
         east, north = (reference - target.position_enu[:2]).tolist()
         # Followers are led by what the reference will do, not by what it would like to.
@@ -398,7 +398,7 @@ class Planner:
         """How much each vehicle goes out of the others' way; who is lost hardly does."""
         if phase not in FLYING_FORMATION:
             return np.ones(len(self._altitudes))
-        yielding = np.full(len(self._altitudes), LOST_YIELDS)
+        yielding: Array = np.full(len(self._altitudes), LOST_YIELDS)
         yielding[self._shape.members] = 1.0
         yielding[self._reference] = REFERENCE_YIELDS
         return yielding

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from swarmctl.formation import separation
 from swarmctl.formation.guidance import go_to
 from swarmctl.formation.separation import Bound, least_distances, separate, slot_separation
 
@@ -84,12 +85,14 @@ def test_a_crowd_of_any_order_sorts_itself_out(seed: int, obstacle: bool) -> Non
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_whatever_is_wanted_nobody_comes_nearer(seed: int) -> None:
-    """Wishes that change at random and mean to collide; the wishes are no guidance law at all."""
+def test_the_proof_alone_keeps_them_apart(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wishes that change at random and mean to collide, and no bending of them at all."""
+    monkeypatch.setattr(separation, "_project", lambda wanted, spaces, weights: wanted)
     rng = np.random.default_rng(seed)
     here, velocities = scattered(rng, 8, []), np.zeros((8, 2))
     apart = least_distances([30.0] * 8, D_M - 5.0, 5.0)
-    for period in range(600):
+    least = math.inf
+    for period in range(400):
         if period % 20 == 0:
             aims = rng.integers(0, 8, 8)
         wanted = here[aims] - here
@@ -99,7 +102,9 @@ def test_whatever_is_wanted_nobody_comes_nearer(seed: int) -> None:
         )
         here = here + 0.5 * (velocities + planned) * DT
         velocities = planned
-        assert nearest(here) >= D_M - 1e-9
+        least = min(least, nearest(here))
+    # Equal but for rounding: positions are summed in another order than the proof's.
+    assert D_M - 1e-9 <= least < D_M + 0.5
 
 
 def test_who_is_far_or_staggered_does_what_it_wants() -> None:
