@@ -1,9 +1,9 @@
 """Does the swarm keep apart and together while its formation changes? Seeded transitions.
 
-The planner flies 4 to 13 simulated airframes in gusty wind through everything that re-forms a
-formation: a first estimate, estimates that jump, waver, turn round or lose their line of sight, a
-companion or the reference UAV that is lost and comes back. Every limit is looked at on the true
-positions, every control period.
+The planner flies 4 to 13 simulated airframes in gusty wind, half of the flights at one altitude,
+through everything that re-forms a formation: a first estimate, estimates that jump, waver, turn
+round or lose their line of sight, a companion or the reference UAV that is lost and comes back.
+Every limit is looked at on the true positions, every control period.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def transitions(
     for done, flight in enumerate(in_order(executor, fly, seeds), start=1):
         flown.append(flight)
         on_progress(done, len(seeds))
-    limits = mission(COMPANIONS[0], 0).limits
+    limits = mission(COMPANIONS[0], 0, level=False).limits
     worst = min(flown, key=lambda flight: flight.separation_m)
     return Transitions(
         transitions=PER_FLIGHT * len(flown),
@@ -134,19 +134,21 @@ def transitions(
     )
 
 
-def mission(companions: int, reference: int) -> Mission:
-    """The shipped demo with other vehicles, their altitudes just apart enough.
+def mission(companions: int, reference: int, *, level: bool) -> Mission:
+    """The shipped demo with other vehicles.
 
     Args:
         companions: N.
         reference: Row of the reference UAV.
+        level: Whether all fly at one altitude; else they are just apart enough.
     """
+    step = 0 if level else 9
     raw = yaml.safe_load((files("missions") / "beacon_drift.yaml").read_text())
     raw["swarm"]["vehicles"] = [
-        {"sysid": 1 + i, "altitude_amsl_m": 30 + 9 * i} for i in range(companions + 1)
+        {"sysid": 1 + i, "altitude_amsl_m": 60 + step * i} for i in range(companions + 1)
     ]
     raw["swarm"]["reference"] = 1 + reference
-    raw["limits"] |= {"ceiling_amsl_m": 200, "geofence_radius_m": 9000}
+    raw["limits"] |= {"ceiling_amsl_m": 250, "geofence_radius_m": 9000}
     return parse_mission(yaml.safe_dump(raw))
 
 
@@ -180,7 +182,7 @@ class _Flight:
         self._seed = seed
         self.rng = generator(seed, "transitions")
         n = int(self.rng.choice(COMPANIONS))
-        self.mission = mission(n, int(self.rng.integers(n + 1)))
+        self.mission = mission(n, int(self.rng.integers(n + 1)), level=seed % 2 == 1)
         self.planner = Planner(self.mission)
         launch = 20.0 * self.rng.permutation(n + 1)
         self.launch = np.column_stack((launch, np.zeros(n + 1)))

@@ -16,5 +16,6 @@ line of sight (LOS), counter-clockwise; LOS angle lambda from East.
 ``slots``           from a design to slots in space, and who takes which
 ``guidance``        the LOS, and the reference UAV's velocity
 ``constraints``     stand-off, geofence, limits; the judgement of a plan
+``separation``      plans that keep apart
 ==================  =========================================================================
 """

@@ -60,12 +60,16 @@ def keep_inside(
         return velocity
     out = (offset[0] / distance, offset[1] / distance)
     outward = velocity[0] * out[0] + velocity[1] * out[1]
-    gap = radius_m - distance
-    most = math.sqrt(braking_mps2 * gap) if gap > 0.0 else max(-2.0, 0.5 * gap)
+    most = most_outward(radius_m - distance, braking_mps2)
     if outward <= most:
         return velocity
     cut = outward - most
     return (velocity[0] - cut * out[0], velocity[1] - cut * out[1])
+
+
+def most_outward(gap_m: float, braking_mps2: float) -> float:
+    """Greatest speed towards a limit ``gap_m`` ahead, m/s; negative, back inside, beyond it."""
+    return math.sqrt(braking_mps2 * gap_m) if gap_m > 0.0 else max(-2.0, 0.5 * gap_m)
 
 
 def limit(vector: Vector2, most: float) -> Vector2:

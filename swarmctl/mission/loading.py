@@ -7,7 +7,6 @@ when a field it needs is itself at fault, so faults of both layers are reported 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from swarmctl.errors import Fault, MissionFileError
+from swarmctl.formation.separation import slot_separation
 from swarmctl.frames import LocalFrame
 from swarmctl.mission.model import Mission
 
@@ -147,22 +147,6 @@ def _gcs_rule(view: _View) -> list[Fault]:
     return []
 
 
-def _stagger_rule(view: _View) -> list[Fault]:
-    # Crossing paths stay apart because no two vehicles ever fly at one altitude.
-    separation = view.number("limits.min_separation_m")
-    levels = sorted((altitude, sysid, path) for path, sysid, altitude in view.vehicles())
-    return [
-        Fault(
-            f"{path}.altitude_amsl_m",
-            f"{high:g}",
-            f"at least limits.min_separation_m = {separation:g} m above or below vehicle {other}"
-            f" at {low:g} m",
-        )
-        for (low, other, _), (high, _, path) in itertools.pairwise(levels)
-        if high - low < separation
-    ]
-
-
 def _altitude_rules(view: _View) -> list[Fault]:
     ceiling = view.number("limits.ceiling_amsl_m")
     ground = view.number("origin.alt_amsl_m")
@@ -181,8 +165,12 @@ def _altitude_rules(view: _View) -> list[Fault]:
 def _slot_rules(view: _View) -> list[Fault]:
     d_max = view.number("limits.d_max_m")
     margin = view.number("formation.margin_m")
-    separation = view.number("limits.min_separation_m")
     altitudes = [altitude for _, _, altitude in view.vehicles()]
+    separation = slot_separation(
+        altitudes,
+        view.number("limits.min_separation_m"),
+        view.number("formation.separation_margin_m"),
+    )
     spread = max(altitudes) - min(altitudes) if altitudes else 0.0
     least = max(separation, spread) + margin
     if d_max > least:
@@ -191,7 +179,7 @@ def _slot_rules(view: _View) -> list[Fault]:
         Fault(
             "limits.d_max_m",
             f"{d_max:g}",
-            f"more than {least:g} m: the larger of limits.min_separation_m = {separation:g} m and"
+            f"more than {least:g} m: the larger of the slots' separation {separation:g} m and"
             f" the altitude spread {spread:g} m, plus formation.margin_m = {margin:g} m",
         )
     ]
@@ -257,7 +245,6 @@ def _prior_distance_m(view: _View) -> float:
 RULES: tuple[Callable[[_View], list[Fault]], ...] = (
     _swarm_rules,
     _gcs_rule,
-    _stagger_rule,
     _altitude_rules,
     _slot_rules,
     _speed_rule,

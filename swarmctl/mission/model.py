@@ -87,7 +87,8 @@ class Vehicle(Section):
 
     Attributes:
         sysid: Its MAVLink system id.
-        altitude_amsl_m: The altitude it flies at, all mission long.
+        altitude_amsl_m: The altitude it flies at, all mission long. Vehicles at altitudes
+            ``limits.min_separation_m`` apart may cross; others go round one another.
         max_speed_mps: Its greatest ground speed, where that is below ``limits.max_speed_mps``:
             the swarm flies no faster than it can keep up with.
         max_acceleration_mps2: Likewise its greatest acceleration.
@@ -175,6 +176,9 @@ class Formation(Section):
             close up and fly on without a lost one.
         margin_m: Slots are drawn at ``d_max_m`` less this.
         stand_off_margin_m: The swarm keeps this much more than ``stand_off_m``.
+        separation_margin_m: Vehicles whose altitudes differ by less than
+            ``limits.min_separation_m`` are planned this much farther apart, for what wind and lag
+            make of a plan.
     """
 
     design: Literal["optimal", "paper", "uniform", "regression", "worst_case"] = "optimal"
@@ -183,6 +187,7 @@ class Formation(Section):
     min_companions: Annotated[int, Field(ge=1)] = 1
     margin_m: Positive = 15.0
     stand_off_margin_m: Positive = 25.0
+    separation_margin_m: Positive = 5.0
 
 
 class Feed(Section):

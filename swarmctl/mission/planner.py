@@ -2,8 +2,9 @@
 
 A virtual structure: the reference UAV's plan follows the guidance law, the companions' plans
 follow their slots around it, and each plan is bent by stand-off and geofence, limited in speed
-and acceleration, and judged as a whole before it becomes a command. Every vehicle keeps its
-own altitude all mission long, so crossing paths stay apart by height.
+and acceleration, kept apart from the others, and judged as a whole before it becomes a command.
+Every vehicle keeps its own altitude all mission long: crossing paths stay apart by height, or by
+going round one another where heights are too near (``formation.separation``).
 """
 
 from __future__ import annotations
@@ -15,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
-from swarmctl.formation.constraints import Bounds, keep_inside, keep_outside, limit, violations
+from swarmctl.formation.constraints import (
+    Bounds,
+    keep_inside,
+    keep_outside,
+    limit,
+    most_outward,
+    violations,
+)
 from swarmctl.formation.guidance import (
     LineOfSight,
     approach_and_orbit,
@@ -23,6 +31,7 @@ from swarmctl.formation.guidance import (
     orbit_speed,
     pace,
 )
+from swarmctl.formation.separation import Bound, least_distances, separate
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
@@ -45,6 +54,10 @@ LEASH_M = (4.0, 12.0)
 """The reference slows from full speed to a stop as the worst slot error grows between these."""
 REFERENCE_SHARE = 0.4
 """Share of the greatest acceleration the reference uses: the outer followers need more than it."""
+REFERENCE_YIELDS = 0.1
+"""How much the reference goes out of a companion's way, when a companion does by 1."""
+LOST_YIELDS = 0.01
+"""How much a lost companion's plan does: nearly nothing, for it may not hear."""
 BRAKING_SHARE = 0.3
 """Share of the greatest acceleration counted on to stop before a limit."""
 CORRECTION_SHARE = 0.7
@@ -126,6 +139,11 @@ class Planner:
         ]
         self._shape = Shape(mission)
         self._require_fence()
+        self._apart_m = least_distances(
+            self._altitudes,
+            mission.limits.min_separation_m,
+            mission.formation.separation_margin_m,
+        )
         self._positions = np.zeros((len(self._altitudes), 2))
         self._velocities = np.zeros_like(self._positions)
         self._returning: set[int] = set()
@@ -176,7 +194,18 @@ class Planner:
         if phase in FLYING_FORMATION:
             velocities = self._formation_velocities(phase, target, worst_error_m, dt)
         else:
-            velocities = self._homing_velocities(launch, target, dt)
+            velocities = self._homing_velocities(launch, target)
+        velocities = separate(
+            self._positions,
+            self._velocities,
+            velocities,
+            self._apart_m,
+            self._yielding(phase),
+            self._within_reach(velocities) if phase in OBSERVING else [],
+            np.array(self._speeds),
+            np.array(self._accelerations),
+            dt,
+        )
         self._returning -= self._rejoined(velocities)
         positions = self._positions + 0.5 * (self._velocities + velocities) * dt
         full = self._with_height(positions)
@@ -208,7 +237,7 @@ class Planner:
         return frozenset(self._returning)
 
     def drop(self, companion: int) -> None:
-        """Fly on without a companion: its plan stands still, the others close up.
+        """Fly on without a companion: its plan comes to rest, the others close up.
 
         Args:
             companion: Its row among the vehicles.
@@ -263,16 +292,25 @@ class Planner:
         self, phase: Phase, target: Target, worst_error_m: float, dt: float
     ) -> Array:
         limits = self._mission.limits
-        velocities = np.zeros_like(self._velocities)
+        # Who is lost comes to rest gently, lest those behind him have to brake out of formation.
+        speeds = np.linalg.norm(self._velocities, axis=1, keepdims=True)
+        braking = BRAKING_SHARE * np.array(self._accelerations)[:, None]
+        slower = np.maximum(speeds - braking * dt, 0.0)
+        velocities: Array = self._velocities * (slower / np.maximum(speeds, 1e-9))
         reference = self._positions[self._shape.reference]
         east, north = (reference - target.position_enu[:2]).tolist()
         # Followers are led by what the reference will do, not by what it would like to.
-        velocity = self._bend(
+        wanted = self._bend(
             self._shape.reference,
             self._reference_velocity(phase, target, (east, north), worst_error_m),
             target,
+        )
+        last = self._velocities[self._shape.reference].tolist()
+        change = limit(
+            (wanted[0] - last[0], wanted[1] - last[1]),
             REFERENCE_SHARE * min(self._accelerations[i] for i in self._flying()) * dt,
         )
+        velocity = (last[0] + change[0], last[1] + change[1])
         velocities[self._shape.reference] = velocity
 
         drift = target.trusted_velocity
@@ -297,7 +335,7 @@ class Planner:
             wanted = (led[0] + close[0], led[1] + close[1])
             if phase in OBSERVING:
                 wanted = self._reach(i, wanted, velocity)
-            velocities[i] = self._bend(i, wanted, target, acceleration * dt)
+            velocities[i] = self._bend(i, wanted, target)
         return velocities
 
     def _flying(self) -> list[int]:
@@ -306,16 +344,33 @@ class Planner:
 
     def _reach(self, i: int, wanted: Vector2, led: Vector2) -> Vector2:
         """Companion i's velocity, pulled in before the reference UAV is out of reach."""
-        reach, here = self._reach_m, self._positions
-        height = self._altitudes[i] - self._altitudes[self._shape.reference]
-        east, north = (here[i] - here[self._shape.reference]).tolist()
+        east, north = (self._positions[i] - self._positions[self._shape.reference]).tolist()
         relative = keep_inside(
             (east, north),
             (wanted[0] - led[0], wanted[1] - led[1]),
-            math.sqrt(max(reach * reach - height * height, 0.0)),
+            self._level_reach_m(i),
             BRAKING_SHARE * self._accelerations[i],
         )
         return (relative[0] + led[0], relative[1] + led[1])
+
+    def _within_reach(self, velocities: Array) -> list[Bound]:
+        """Companions in formation that make way for another do not leave it for that."""
+        led = velocities[self._shape.reference]
+        bounds = []
+        for i in self._shape.members:
+            out = self._positions[i] - self._positions[self._shape.reference]
+            distance = math.hypot(*out.tolist())
+            if i in self._returning or distance == 0.0:
+                continue
+            out /= distance
+            braking = BRAKING_SHARE * self._accelerations[i]
+            most = most_outward(self._level_reach_m(i) - distance, braking)
+            bounds.append(Bound(i, (out[0], out[1]), float(out @ led) + most))
+        return bounds
+
+    def _level_reach_m(self, i: int) -> float:
+        height = self._altitudes[i] - self._altitudes[self._shape.reference]
+        return math.sqrt(max(self._reach_m**2 - height**2, 0.0))
 
     def _reference_velocity(
         self, phase: Phase, target: Target, offset: tuple[float, float], worst_error_m: float
@@ -346,24 +401,33 @@ class Planner:
         leash = max(0.0, min(1.0, (stop - worst_error_m) / (stop - slack)))
         return (leash * east, leash * north)
 
-    def _homing_velocities(self, launch: Array, target: Target, dt: float) -> Array:
+    def _homing_velocities(self, launch: Array, target: Target) -> Array:
         velocities = np.empty_like(self._velocities)
         for i, gap in enumerate((launch - self._positions).tolist()):
             acceleration = self._accelerations[i]
             home = go_to(
                 (gap[0], gap[1]), HOMING_SHARE * self._speeds[i], 0.5 * acceleration, SLOT_GAIN
             )
-            velocities[i] = self._bend(i, home, target, acceleration * dt)
+            velocities[i] = self._bend(i, home, target)
         return velocities
 
-    def _bend(self, i: int, wanted: Vector2, target: Target, step_mps: float) -> Vector2:
-        """Vehicle i's next velocity: what is wanted, within every limit.
+    def _yielding(self, phase: Phase) -> Array:
+        """How much each vehicle goes out of the others' way; who is lost hardly does."""
+        if phase not in FLYING_FORMATION:
+            return np.ones(len(self._altitudes))
+        yielding: Array = np.full(len(self._altitudes), LOST_YIELDS)
+        yielding[self._shape.members] = 1.0
+        yielding[self._shape.reference] = REFERENCE_YIELDS
+        return yielding
+
+    def _bend(self, i: int, wanted: Vector2, target: Target) -> Vector2:
+        """What vehicle i wants, within the bounds of place and speed.
 
         The braking it counts on is less than any plan's acceleration, so that a limit seen in
         time is kept.
         """
         limits = self._mission.limits
-        here, last = self._positions[i].tolist(), self._velocities[i].tolist()
+        here = self._positions[i].tolist()
         braking = BRAKING_SHARE * self._accelerations[i]
         drift = target.trusted_velocity
         # Half of the margin is left to the orbit's own overshoot.
@@ -375,9 +439,7 @@ class Planner:
         velocity = keep_inside(
             (here[0], here[1]), velocity, limits.geofence_radius_m - FENCE_MARGIN_M, braking
         )
-        velocity = limit(velocity, self._speeds[i])
-        change = limit((velocity[0] - last[0], velocity[1] - last[1]), step_mps)
-        return (last[0] + change[0], last[1] + change[1])
+        return limit(velocity, self._speeds[i])
 
     def _rejoined(self, velocities: Array) -> set[int]:
         """Who was on his way back and now flies with his slot."""

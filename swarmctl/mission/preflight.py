@@ -15,6 +15,7 @@ from swarmctl.events import (
     StreamTelemetry,
     UploadFence,
 )
+from swarmctl.formation.separation import least_distances
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 from swarmctl.mission.settings import Settings
@@ -134,23 +135,36 @@ def _place_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
     return unmet
 
 
-def fleet_faults(fleet: Fleet, separation_m: float) -> list[str]:
-    """What is wrong between vehicles: one hardware id twice, launch points too close."""
+def fleet_faults(fleet: Fleet, mission: Mission) -> list[str]:
+    """What is wrong between vehicles: one hardware id twice, launch points too close.
+
+    They climb and land straight above their launch points, so what counts is how far apart these
+    are on the map, whatever the altitudes; plans of those that share a level begin and end there.
+    """
     faults = []
     vehicles = list(fleet.vehicles.values())
+    separation_m = mission.limits.min_separation_m
+    margin_m = mission.formation.separation_margin_m
+    planned = least_distances([v.altitude_amsl_m for v in vehicles], separation_m, margin_m)
     for i, a in enumerate(vehicles):
-        for b in vehicles[i + 1 :]:
+        for j, b in enumerate(vehicles[i + 1 :], i + 1):
             if a.version and b.version and a.version.uid == b.version.uid != 0:
                 faults.append(
                     f"vehicles {a.sysid} and {b.sysid} have one hardware id: one of them answers"
                     " under two system ids"
                 )
             if a.launch_enu and b.launch_enu:
-                apart = math.dist(a.launch_enu, b.launch_enu)
+                apart = math.dist(a.launch_enu[:2], b.launch_enu[:2])
                 if apart < separation_m:
                     faults.append(
                         f"vehicles {a.sysid} and {b.sysid} stand {apart:.1f} m apart, less than"
                         f" limits.min_separation_m = {separation_m:g} m: move one of them"
+                    )
+                elif apart < planned[i, j]:
+                    faults.append(
+                        f"vehicles {a.sysid} and {b.sysid} stand {apart:.1f} m apart, less than"
+                        f" the {planned[i, j]:.1f} m that formation.separation_margin_m ="
+                        f" {margin_m:g} m keeps between them in flight: move one of them"
                     )
     return faults
 
@@ -291,7 +305,7 @@ class Preflight:
         )
 
     def _check_together(self) -> None:
-        faults = fleet_faults(self._fleet, self._mission.limits.min_separation_m)
+        faults = fleet_faults(self._fleet, self._mission)
         if faults:
             self.failure = Failure("not_ready", "; ".join(faults))
         else:

@@ -13,6 +13,7 @@ from swarmctl.formation.guidance import LineOfSight, follow_line_of_sight, go_to
 from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.objectives import rms
 from swarmctl.formation.requirements import Noise, Requirements
+from swarmctl.formation.separation import slot_separation
 from swarmctl.formation.slots import assign, level_design
 from swarmctl.mission.model import Mission
 
@@ -57,6 +58,11 @@ class Shape:
         self.reference = sysids.index(mission.swarm.reference)
         self.members = [i for i in range(len(sysids)) if i != self.reference]
         self.los = LineOfSight(0.0, 0.0)
+        self._separation_m = slot_separation(
+            [v.altitude_amsl_m for v in mission.swarm.vehicles],
+            mission.limits.min_separation_m,
+            mission.formation.separation_margin_m,
+        )
         self._books: dict[int, DesignBook] = {}
         self._range_m = math.inf
         # The design for an unsure line of sight takes long to make: now, not in flight.
@@ -96,7 +102,7 @@ class Shape:
         requirements = Requirements(
             companions=count,
             d_max_m=self.d_m,
-            separation_m=self._mission.limits.min_separation_m,
+            separation_m=self._separation_m,
             range_m=range_m,
             noise=Noise(formation.sigma_rd_m, self._mission.filter.sigma_p_m, formation.rho),
         )

@@ -54,6 +54,16 @@ def test_a_short_mission_is_located_recorded_and_within_its_limits(
     }
 
 
+def test_a_swarm_at_one_altitude_keeps_its_distances(short_mission: Short) -> None:
+    """Out, round the beacon and home past one another, in wind and by their own navigation."""
+    level = [{"sysid": sysid, "altitude_amsl_m": 42} for sysid in (1, 2, 3, 4)]
+    summary = fly_in_memory(short_mission(swarm__vehicles=level), seed=3)
+    assert summary["result"] == "located"
+    assert float(str(summary["min_separation_m"])) >= 8.0
+    assert float(str(summary["max_reference_range_m"])) <= 150.0
+    assert float(str(summary["min_standoff_m"])) >= 400.0
+
+
 def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
     short_mission: Short, tmp_path: Path
 ) -> None:

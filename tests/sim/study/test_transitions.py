@@ -15,7 +15,7 @@ from swarmctl.errors import UsageError
 def test_no_transition_breaks_a_limit(seed: int) -> None:
     """Hundreds of them: ``swarmctl study formation --runs 0``."""
     flown = fly(seed)
-    limits = room.mission(flown.companions, 0).limits
+    limits = room.mission(flown.companions, 0, level=False).limits
     assert flown.separation_m >= limits.min_separation_m
     assert 0.0 < flown.reach_m <= limits.d_max_m
     assert flown.not_formed == 0
