@@ -16,9 +16,10 @@ path is a logarithmic spiral about the emitter, in polar coordinates (r, phi)
     r = r_0 - v t cos a,        phi = phi_0 - tan a ln(r_0 / r).
 
 Courses are compared at the time at which the straight flight would have located the emitter as
-well as is wanted: a course that is ahead then gets there sooner. The latest such time is when a
-straight flight would have been all through, reckoned anew only when that has passed: reckoned
-anew each time, it would always be best to fly across now and straight later.
+well as is wanted: a course that is ahead then gets there sooner. At the latest that is when the
+straight flight from where the approach began would have been all through, or, later than that,
+when it arrives from here. Were the orbit counted anew each time, it would always be best to fly
+across now and straight later.
 
 The prediction is that of a filter linearised at the estimate: true if the LOS's direction and
 range are known to a fraction. While the range's 1-sigma is of the order of the range itself the
@@ -207,7 +208,7 @@ class DogLegs:
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
         self._wait_s = 0.0
-        self._left_s = 0.0
+        self._left_s = math.nan
         self.course_rad = 0.0
 
     def follow(self, now: Situation, dt: float) -> float:
@@ -230,11 +231,11 @@ class DogLegs:
         approach_s = (distance - now.radius_m) / terms.cruise_mps
         if approach_s < LEAST_APPROACH_S:
             return 0.0
-        if self._left_s < LEAST_APPROACH_S:
+        if math.isnan(self._left_s):
             self._left_s = approach_s + terms.observe_s
         angles = np.repeat([0.0, *ANGLES_RAD], len(LEG_SHARES))
         legs = np.tile(approach_s * np.array(LEG_SHARES), 1 + len(ANGLES_RAD))
-        predicted = predict(terms, now, angles, legs, self._left_s)
+        predicted = predict(terms, now, angles, legs, max(self._left_s, approach_s))
         straight = predicted.rms_m[0]
         wanted = straight <= terms.wanted_m
         at = int(np.argmax(wanted)) if wanted.any() else -1
