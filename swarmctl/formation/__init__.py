@@ -15,6 +15,7 @@ line of sight (LOS), counter-clockwise; LOS angle lambda from East.
 ``book``            designs made before a flight, chosen in flight
 ``slots``           from a design to slots in space, and who takes which
 ``guidance``        the LOS, and the reference UAV's velocity
+``dogleg``          whether to approach at an angle to the LOS for a while
 ``constraints``     stand-off, geofence, limits; the judgement of a plan
 ``separation``      plans that keep apart
 ==================  =========================================================================

@@ -17,6 +17,8 @@ HISTORY_S = 5.0
 """Measurements up to this late are used, s."""
 RATE_WINDOW_S = 5.0
 """The measurement rate is an average over this long."""
+HORIZONTAL = (0, 1, 3, 4)
+"""Rows of the horizontal position and velocity in the track's state."""
 VERTICAL_SPEED_SIGMA_MPS = 0.001
 """The emitter floats or stands: what moves it vertically in the mission's frame is the sea, which
 curves away below it by 0.4 mm in a metre of drift at 2.5 km."""
@@ -145,6 +147,7 @@ def _target(state: np.ndarray, covariance: np.ndarray) -> Target:
         float(ellipse(covariance[:3, :3]).major),
         float(ellipse(covariance[3:, 3:]).major),
         (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+        covariance[np.ix_(HORIZONTAL, HORIZONTAL)],
     )
 
 

@@ -24,6 +24,7 @@ from swarmctl.formation.constraints import (
     most_outward,
     violations,
 )
+from swarmctl.formation.dogleg import DogLegs, Situation, Terms, turned
 from swarmctl.formation.guidance import (
     LineOfSight,
     approach_and_orbit,
@@ -31,6 +32,7 @@ from swarmctl.formation.guidance import (
     orbit_speed,
     pace,
 )
+from swarmctl.formation.requirements import Noise
 from swarmctl.formation.separation import Bound, least_distances, separate
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
@@ -62,6 +64,8 @@ BRAKING_SHARE = 0.3
 """Share of the greatest acceleration counted on to stop before a limit."""
 CORRECTION_SHARE = 0.7
 """Share of the followers' spare speed that corrections of the LOS may take."""
+FEED_HZ = 10.0
+"""Rate of range differences that dog-legs are judged by."""
 FENCE_MARGIN_M = 10.0
 """Plans are turned back this far inside the geofence."""
 PACE_SHARE = 0.95
@@ -75,6 +79,8 @@ class Target:
     """The estimate as guidance sees it: ENU, m and m/s; sigmas are 1-sigma larger axes.
 
     ``covariance`` is the horizontal position's: east, east with north, north, m².
+    ``track_covariance`` is that of horizontal position and velocity, (4, 4); without it the
+    approach is straight.
     """
 
     position_enu: Vector
@@ -82,6 +88,7 @@ class Target:
     sigma_m: float
     speed_sigma_mps: float
     covariance: tuple[float, float, float]
+    track_covariance: Array | None = None
 
     def los_sigma_rad(self, east: float, north: float) -> float:
         """1-sigma of the line of sight from a place, rad; a half turn at the most."""
@@ -147,6 +154,19 @@ class Planner:
         self._positions = np.zeros((len(self._altitudes), 2))
         self._velocities = np.zeros_like(self._positions)
         self._returning: set[int] = set()
+        self._dog_legs = DogLegs(
+            Terms(
+                noise=Noise(
+                    mission.formation.sigma_rd_m, mission.filter.sigma_p_m, mission.formation.rho
+                ),
+                rate_hz=FEED_HZ,
+                acceleration_psd=mission.filter.process_noise_mps_per_sqrt_s**2,
+                cruise_mps=mission.limits.cruise_speed_mps,
+                wanted_m=mission.goal.sigma_m,
+                observe_s=mission.goal.orbit_s,
+                fence_m=mission.limits.geofence_radius_m - mission.limits.d_max_m - FENCE_MARGIN_M,
+            )
+        )
         # Half of the margin is left to what vehicle and wind make of the plan.
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
 
@@ -302,7 +322,7 @@ class Planner:
         # Followers are led by what the reference will do, not by what it would like to.
         wanted = self._bend(
             self._shape.reference,
-            self._reference_velocity(phase, target, (east, north), worst_error_m),
+            self._reference_velocity(phase, target, (east, north), worst_error_m, dt),
             target,
         )
         last = self._velocities[self._shape.reference].tolist()
@@ -373,7 +393,12 @@ class Planner:
         return math.sqrt(max(self._reach_m**2 - height**2, 0.0))
 
     def _reference_velocity(
-        self, phase: Phase, target: Target, offset: tuple[float, float], worst_error_m: float
+        self,
+        phase: Phase,
+        target: Target,
+        offset: tuple[float, float],
+        worst_error_m: float,
+        dt: float,
     ) -> tuple[float, float]:
         if phase is Phase.FORMING:
             return (0.0, 0.0)
@@ -385,13 +410,21 @@ class Planner:
         drift = target.trusted_velocity
         # The orbit moves with the emitter, so the outermost follower has that much less left.
         spare = limits.max_speed_mps - math.hypot(*drift)
-        east, north = approach_and_orbit(
-            offset,
-            drift,
-            radius,
-            limits.cruise_speed_mps,
-            min(limits.cruise_speed_mps, PACE_SHARE * orbit_speed(spare, radius, self._shape.d_m)),
+        orbit_mps = min(
+            limits.cruise_speed_mps, PACE_SHARE * orbit_speed(spare, radius, self._shape.d_m)
         )
+        east, north = approach_and_orbit(offset, drift, radius, limits.cruise_speed_mps, orbit_mps)
+        if phase is Phase.APPROACHING and target.track_covariance is not None:
+            situation = Situation(
+                self._positions[self._shape.reference],
+                np.array([*target.position_enu[:2], *target.velocity_enu[:2]]),
+                target.track_covariance,
+                self._shape.offsets(),
+                radius,
+                orbit_mps,
+            )
+            course = self._dog_legs.follow(situation, dt)
+            east, north = turned((east, north), drift, course)
         slots = np.vstack([np.zeros(2), self._shape.offsets()])
         relative = (east - drift[0], north - drift[1])
         speeds = PACE_SHARE * np.array([self._speeds[i] for i in self._flying()])

@@ -1,6 +1,7 @@
 """The planned motion in virtual time, without vehicles: they are where the plan is."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -253,3 +254,24 @@ def test_a_formation_that_does_not_fit_is_refused_before_anything_flies() -> Non
     tight = mission.limits.model_copy(update={"d_max_m": 105.0, "min_separation_m": 60.0})
     with pytest.raises(FormationError, match=r"10 companions .* do not fit within 90 m"):
         Planner(mission.model_copy(update={"limits": tight}))
+
+
+def test_a_range_that_one_companion_cannot_see_is_approached_by_a_dog_leg() -> None:
+    vehicles = [{"sysid": i, "altitude_amsl_m": 20 + 12 * i} for i in (1, 2)]
+    mission = parse_mission(
+        short_mission_text(swarm__vehicles=vehicles, formation__min_companions=1)
+    )
+    los = math.atan2(1110.0, 2240.0)
+    along = np.array([math.cos(los), math.sin(los), 0.0, 0.0])
+    blind = np.diag([4.0, 4.0, 0.01, 0.01]) + 380.0**2 * np.outer(along, along)
+
+    def courses(track_covariance: np.ndarray | None) -> float:
+        aim = replace(target(sigma_m=380.0), track_covariance=track_covariance)
+        planner = Planner(mission)
+        planner.begin(LAUNCH[:2], aim)
+        for _ in range(100):
+            planned = planner.step(Phase.APPROACHING, aim, 0.0, LAUNCH[:2], DT)
+        return float(planned.velocities[0, :2] @ [-math.sin(los), math.cos(los)])
+
+    assert courses(None) == pytest.approx(0.0, abs=0.1)
+    assert abs(courses(blind)) > 5.0
