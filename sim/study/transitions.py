@@ -39,7 +39,7 @@ STEPS = 5
 """Steps of the airframes in a control period."""
 WIND_MPS, GUST_MPS, GUST_TAU_S = 5.0, 1.0, 5.0
 FORMED_M = 3.0
-FORMING_LIMIT_S = 180.0
+FORMING_LIMIT_S = 240.0
 """A formation that has not formed up by then counts as not formed."""
 NEAREST_M = 900.0
 """Nearest an estimate jumps to, m: nearer, the swarm's business is to get away."""

@@ -31,13 +31,14 @@ from swarmctl.formation.guidance import (
     go_to,
     orbit_speed,
     pace,
+    wrap_angle,
 )
 from swarmctl.formation.requirements import Noise
 from swarmctl.formation.separation import Bound, least_distances, separate
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
-from swarmctl.mission.shape import Shape
+from swarmctl.mission.shape import HOLD_RAD, Shape
 
 Array = NDArray[np.float64]
 Vector2 = tuple[float, float]
@@ -54,6 +55,8 @@ TRUSTED_SPEED_SIGMA_MPS = 0.5
 """The emitter's estimated velocity is fed forward once its 1-sigma is below this."""
 LEASH_M = (4.0, 12.0)
 """The reference slows from full speed to a stop as the worst slot error grows between these."""
+ASIDE_RAD = (math.radians(20.0), math.radians(60.0))
+"""It slows likewise as the formation faces another way than the estimate, to let it turn."""
 REFERENCE_SHARE = 0.4
 """Share of the greatest acceleration the reference uses: the outer followers need more than it."""
 REFERENCE_YIELDS = 0.1
@@ -336,8 +339,10 @@ class Planner:
         drift = target.trusted_velocity
         relative = (velocity[0] - drift[0], velocity[1] - drift[1])
         rate = (east * relative[1] - north * relative[0]) / max(math.hypot(east, north), 1.0) ** 2
-        spare = limits.max_speed_mps - limits.cruise_speed_mps
         shape = self._shape
+        # The outermost slot goes round the emitter faster than the reference UAV.
+        outermost = math.hypot(*velocity) * (1.0 + shape.d_m / max(math.hypot(east, north), 1.0))
+        spare = limits.max_speed_mps - min(limits.cruise_speed_mps, outermost)
         shape.turn(
             math.atan2(-north, -east),
             rate,
@@ -430,8 +435,11 @@ class Planner:
         speeds = PACE_SHARE * np.array([self._speeds[i] for i in self._flying()])
         share = pace(offset, relative, drift, slots, speeds)
         east, north = drift[0] + share * relative[0], drift[1] + share * relative[1]
-        slack, stop = LEASH_M
-        leash = max(0.0, min(1.0, (stop - worst_error_m) / (stop - slack)))
+        leash = _share_left(worst_error_m, LEASH_M)
+        if target.los_sigma_rad(*self._positions[self._shape.reference].tolist()) < HOLD_RAD:
+            bearing = math.atan2(-offset[1], -offset[0])
+            aside = abs(wrap_angle(bearing - self._shape.los.angle_rad))
+            leash = min(leash, _share_left(aside, ASIDE_RAD))
         return (leash * east, leash * north)
 
     def _homing_velocities(self, launch: Array, target: Target) -> Array:
@@ -521,3 +529,9 @@ class Planner:
             fence_radius_m=limits.geofence_radius_m,
             ceiling_m=limits.ceiling_amsl_m - self._mission.origin.alt_amsl_m,
         )
+
+
+def _share_left(value: float, bounds: tuple[float, float]) -> float:
+    """1 up to the lower bound, 0 from the upper one on, and linear between."""
+    slack, stop = bounds
+    return max(0.0, min(1.0, (stop - value) / (stop - slack)))

@@ -275,3 +275,23 @@ def test_a_range_that_one_companion_cannot_see_is_approached_by_a_dog_leg() -> N
 
     assert courses(None) == pytest.approx(0.0, abs=0.1)
     assert abs(courses(blind)) > 5.0
+
+
+def test_a_formation_that_faces_another_way_turns_before_it_goes_on(mission: Mission) -> None:
+    """The estimate moves aside by 85°, too little to face about: the reference UAV waits."""
+    planner = formed(mission, target())
+    for _ in range(100):
+        planner.step(Phase.APPROACHING, target(), 0.0, LAUNCH, DT)
+    aside = target(-1000.0, 2000.0)
+    speeds, turned = [], []
+    for _ in range(600):
+        planned = planner.step(Phase.APPROACHING, aside, 0.0, LAUNCH, DT)
+        assert not planned.broken
+        east, north = (np.array(aside.position_enu[:2]) - planned.positions[0, :2]).tolist()
+        speeds.append(float(np.linalg.norm(planned.velocities[0])))
+        turned.append(abs(math.atan2(north, east) - planned.los.angle_rad))
+        assert np.linalg.norm(planned.positions - planned.slots, axis=1).max() < 12.0
+    assert turned[0] > math.radians(80.0)
+    assert min(speeds) < 0.1
+    assert turned[-1] < math.radians(20.0)
+    assert speeds[-1] > 8.0
