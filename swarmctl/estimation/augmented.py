@@ -177,10 +177,24 @@ def innovate(
     places: Mapping[int, int],
     layout: Layout,
     lag_s: float = 0.0,
+    at: Array | None = None,
 ) -> Innovation:
-    """Measured less predicted RDs, linearised at the prediction; as :func:`linearise`."""
-    expected, H = linearise(x, rows, places, layout, lag_s)
-    return Innovation(rows.rd - expected, H, H @ P @ H.mT.copy() + rows.covariance)
+    """Measured less predicted RDs; as :func:`linearise`.
+
+    Args:
+        x: Predicted state, (..., n).
+        P: Its covariance, (..., n, n).
+        rows: The measurement.
+        places: Where each receiver's states begin, by id.
+        layout: Of a receiver's states.
+        lag_s: As for :func:`linearise`.
+        at: State to linearise at, (..., n); None for the prediction.
+    """
+    expected, H = linearise(x if at is None else at, rows, places, layout, lag_s)
+    nu = rows.rd - expected
+    if at is not None:
+        nu -= np.matvec(H, x - at)
+    return Innovation(nu, H, H @ P @ H.mT.copy() + rows.covariance)
 
 
 def update(

@@ -10,8 +10,8 @@ geometry. Three sums over a few seconds say when they are not:
     Neighbours in time have products with a mean: coloured errors, a clock or a manoeuvre that
     the model does not have.
 ``rejected``
-    More receivers are set aside than echoes explain: wrong positions, swapped receivers, a
-    clock that jumped, or a track that is elsewhere.
+    More is set aside than echoes explain, of all receivers or of one: wrong positions, swapped
+    receivers, a clock that jumped, or a track that is elsewhere.
 
 ``degraded`` begins when one of them is further out than chance makes it once in some hundred
 hours, and ends when all have been well inside for as long as the window; ``diverged`` is a track
@@ -21,7 +21,7 @@ that stays so far out, or has most of its receivers set aside, and has to be beg
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ from swarmctl.estimation.arguments import Array
 
 Status = Literal["initialising", "tracking", "degraded", "diverged"]
 """What a track is worth."""
+Ids = tuple[int, ...]
+Pairs = tuple[tuple[int, int], ...]
 Cause = Literal["noise", "correlated", "rejected"]
 """Which sum is out."""
 
@@ -40,7 +42,7 @@ that margin."""
 _CLEAR = 2.5
 """Sigmas below which a sum is well inside."""
 _ECHOES = 0.3
-"""Share of receivers set aside that echoes explain."""
+"""Share set aside that echoes explain."""
 _HOPELESS = 0.6
 """Share of receivers set aside by which a track is elsewhere."""
 _FAR = 6.0
@@ -69,11 +71,9 @@ class Verdict(NamedTuple):
 
 class _Entry(NamedTuple):
     epoch_s: float
-    used: int
-    squares: float
-    products: float
-    neighbours: int
-    aside: int
+    sums: Array  # rows used, their squares, products of neighbours, number of these, rows aside
+    heard: tuple[int, ...]
+    aside: tuple[int, ...]
 
 
 class Health:
@@ -88,14 +88,17 @@ class Health:
         self._window_s = window_s
         self._diverged_after_s = diverged_after_s
         self._entries: deque[_Entry] = deque()
-        self._last: tuple[tuple[tuple[int, int], ...], Array] | None = None
+        self._sums: Array = np.zeros(5)
+        self._heard: Counter[int] = Counter()
+        self._aside: Counter[int] = Counter()
+        self._last: tuple[Pairs, Array] | None = None
         self._status: Status = "initialising"
         self._cause: Cause | None = None
         self._well_since_s = math.inf
         self._far_since_s = math.inf
 
     def add(
-        self, epoch_s: float, pairs: tuple[tuple[int, int], ...], white: Array, aside: int
+        self, epoch_s: float, pairs: Pairs, white: Array, rows_aside: int, aside: Ids
     ) -> Verdict:
         """Take the innovations of an epoch.
 
@@ -103,32 +106,40 @@ class Health:
             epoch_s: s.
             pairs: Receivers (first, second) of the rows used.
             white: Whitened innovations of these, (K,).
-            aside: Rows set aside besides.
+            rows_aside: How many rows besides were set aside.
+            aside: The receivers they were set aside for.
         """
         products, neighbours = 0.0, 0
         if self._last is not None and self._last[0] == pairs:
             products, neighbours = float(white @ self._last[1]), len(white)
         self._last = (pairs, white) if len(white) else self._last
-        self._entries.append(
-            _Entry(epoch_s, len(white), float(white @ white), products, neighbours, aside)
-        )
+        sums = np.array([len(white), white @ white, products, neighbours, rows_aside])
+        heard = (*{receiver for pair in pairs for receiver in pair}.union(aside),)
+        self._entries.append(_Entry(epoch_s, sums, heard, aside))
+        self._sums = self._sums + sums
+        self._heard.update(heard)
+        self._aside.update(aside)
         while self._entries[0].epoch_s < epoch_s - self._window_s:
-            self._entries.popleft()
+            old = self._entries.popleft()
+            self._sums = self._sums - old.sums
+            self._heard.subtract(old.heard)
+            self._aside.subtract(old.aside)
         return self._judge(epoch_s)
 
     def _judge(self, now_s: float) -> Verdict:
-        _, counts, squares, products, neighbours, asides = np.array(self._entries).sum(0)
-        total = counts + asides
-        nis = squares / counts if counts else 1.0
+        used, squares, products, neighbours, asides = self._sums.tolist()
+        total = used + asides
+        nis = squares / used if used else 1.0
         correlation = products / neighbours if neighbours else 0.0
-        share = asides / total
+        share = asides / total if total else 0.0
         sigmas: dict[Cause, float] = {
-            "noise": _wilson_hilferty(squares, counts) if counts >= _LEAST else 0.0,
+            "noise": _wilson_hilferty(squares, used) if used >= _LEAST else 0.0,
             "correlated": products / math.sqrt(neighbours) if neighbours >= _LEAST else 0.0,
-            # By chance none is set aside: what counts is whether echoes explain it.
-            "rejected": (share - _ECHOES) * math.sqrt(total / (_ECHOES * (1.0 - _ECHOES)))
-            if total >= _LEAST
-            else 0.0,
+            "rejected": max(
+                _beyond_echoes(asides, total),
+                *(_beyond_echoes(count, self._heard[r]) for r, count in self._aside.items()),
+                0.0,
+            ),
         }
         cause = max(sigmas, key=lambda name: sigmas[name])
         worst = sigmas[cause]
@@ -143,7 +154,14 @@ class Health:
         self._far_since_s = min(self._far_since_s, now_s) if far else math.inf
         if now_s - self._far_since_s >= self._diverged_after_s:
             self._status, self._cause = "diverged", self._cause or cause
-        return Verdict(self._status, self._cause, float(nis), float(correlation), float(share))
+        return Verdict(self._status, self._cause, nis, correlation, share)
+
+
+def _beyond_echoes(aside: float, total: float) -> float:
+    """Sigmas by which the share set aside exceeds what echoes explain."""
+    if total < _LEAST / 2:
+        return 0.0
+    return (aside / total - _ECHOES) * math.sqrt(total / (_ECHOES * (1.0 - _ECHOES)))
 
 
 def _wilson_hilferty(squares: float, count: float) -> float:

@@ -80,8 +80,8 @@ def consensus(times: Array, values: Array, sigma: float, gate: float = 5.0) -> M
     """Which of a pair's range differences lie on the straight line that most of them share.
 
     Of the lines through two samples the one with most samples within ``gate`` sigmas, then the
-    flattest. If it holds less than two thirds of them the noise is not what it is said to be:
-    then within twice as much, and so on. Few samples are all kept.
+    flattest. If it holds no majority of them the noise is not what it is said to be: then
+    within twice as much, and so on. Few samples are all kept.
 
     Args:
         times: (n,), s, increasing.
@@ -101,7 +101,7 @@ def consensus(times: Array, values: Array, sigma: float, gate: float = 5.0) -> M
     while True:
         within = off <= limit
         held = within.sum(1)
-        if held.max() >= 2.0 / 3.0 * count:
+        if 2 * held.max() > count:
             break
         limit *= 2.0
     best = np.flatnonzero(held == held.max())

@@ -74,6 +74,7 @@ class Window:
     """The epochs since the track began, and the trajectory that explains them best.
 
     Attributes:
+        begin_s: The first epoch, s.
         points: The epochs.
 
     Args:
@@ -106,7 +107,7 @@ class Window:
         self._d = n // 2
         self._errors = errors
         self._psd = psd
-        self._begin_s = begin_s
+        self.begin_s = begin_s
         self.points = NormalPoints(self._d, begin_s, block_s, capacity)
 
     def worst(self, fit: Fit, index: int) -> tuple[int, float]:
@@ -126,7 +127,7 @@ class Window:
 
     def is_stretched(self, distance_m: float, epoch_s: float) -> bool:
         """Whether the emitter may by now be far from any straight line, seen from there."""
-        t = epoch_s - self._begin_s
+        t = epoch_s - self.begin_s
         return math.sqrt(float(self._psd.max()) * t**3 / 3.0) > _BENT * distance_m
 
     def fit(self, starts: Array, iterations: int = 3) -> Fit:
@@ -263,7 +264,7 @@ class Window:
         layout = errors.layout(d)
         receivers = len(table.signs)
         n = 2 * d + receivers * layout.size
-        T = epoch_s - self._begin_s
+        T = epoch_s - self.begin_s
         t = table.time
         u = fit.sights[:, index : index + 1]
         g = (u[1] - u[0])[0]
