@@ -5,6 +5,7 @@ the receivers' reported positions at that epoch, and put together from
 
 ====================  ====================================================================
 ``initial``           where to look, from a sector or nothing
+``acquisition``       the first second: echoes out, every mode found
 ``window``            the most probable trajectories while the track is wide
 ``nuisance``          clocks, navigation and colour of the receivers, as states
 ``augmented``         the update of emitter and receivers
@@ -33,27 +34,18 @@ import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import augmented
-from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.acquisition import is_ready, search
+from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.health import Health, Verdict
-from swarmctl.estimation.initial import Prior, is_wide, starts
+from swarmctl.estimation.initial import Prior, is_wide
 from swarmctl.estimation.manoeuvre import Manoeuvre, matched
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
-from swarmctl.estimation.robust import GATE, consensus, screen
+from swarmctl.estimation.robust import screen
 from swarmctl.estimation.window import Fit, Window
 
-_COLLECT_S = 0.5
-_COLLECT_EPOCHS = 10
-_COLLECT_AT_MOST_S = 1.9
-"""Epochs are collected for so long, if they are so many, and for so long at most."""
 _CLEAR = 10.0
 """A first innovation of more sigmas of white noise cannot tell an echo from a poor prior."""
-_PARTS = 8
-"""Blocks that the collected epochs make."""
-_SEARCH = 25
-"""Steps of a search."""
-_SCOUTED, _SOUGHT = 64, 16
-"""Starts that are followed for a few steps, and to the end."""
 _IMPROBABLE = 1e-4
 """Share of the best mode's probability below which a mode is forgotten."""
 _MODES = 4
@@ -194,7 +186,7 @@ class Estimator:
             return True
         self._collected.append(rows)
         self.epoch_s = max(self.epoch_s, rows.epoch_s)
-        if self._is_ready(self._collected):
+        if is_ready(self._collected):
             self._acquire(self._collected)
         return self._collected is None
 
@@ -316,43 +308,15 @@ class Estimator:
         self._weight = np.broadcast_to(np.eye(self._models)[0], models).copy()
         self._places = places
 
-    @staticmethod
-    def _is_ready(collected: list[Rows]) -> bool:
-        lasted = collected[-1].epoch_s - collected[0].epoch_s + 1e-6
-        count = len(collected)
-        enough = lasted >= _COLLECT_S and count >= _COLLECT_EPOCHS
-        return enough or (lasted >= _COLLECT_AT_MOST_S and count >= 2)
-
     def _acquire(self, collected: list[Rows]) -> None:
-        """Find the modes of what was collected."""
         window = self._window
         if window is None:
             raise EstimationError("There is no window to acquire from.")
-        cleaned = _cleaned(collected, self._errors.colour_m)
-        part_s = (cleaned[-1].epoch_s - cleaned[0].epoch_s) / _PARTS
-        last_s = -math.inf
-        for rows in cleaned:
-            alone = rows.epoch_s >= last_s + part_s - 1e-6
-            last_s = rows.epoch_s if alone else last_s
-            window.points.add(rows, alone=alone)
-        receivers = np.concatenate([cleaned[0].first_at, cleaned[0].second_at])
-        found = starts(self._prior, receivers)
-        for kept, steps in ((_SCOUTED, 0), (_SOUGHT, 4)):
-            fit = window.fit(found, steps)
-            found = fit.theta[np.argsort(fit.objective)[:kept]]
-        fit = window.fit(found, _SEARCH)
-        for _ in range(fit.residual.shape[-1] // 3):
-            row, sigmas = window.worst(fit, int(np.argmin(fit.objective)))
-            if sigmas <= GATE:
-                break
-            window.points.without(np.arange(fit.residual.shape[-1]) != row)
-            fit = window.fit(fit.theta, _SEARCH)
-        total = sum(len(rows.rd) for rows in collected)
-        kept_rows = window.points.measurements
-        self.used += kept_rows
-        self.aside += total - kept_rows
+        fit = search(window, self._prior, collected, self._errors.colour_m)
+        kept = window.points.measurements
+        self.used += kept
+        self.aside += sum(len(rows.rd) for rows in collected) - kept
         self._collected = None
-        self.epoch_s = collected[-1].epoch_s
         self._take(fit)
 
     def _take(self, fit: Fit) -> None:
@@ -504,25 +468,3 @@ class Estimator:
         relative = np.exp(self._log_probability - self._log_probability.max(initial=-math.inf))
         share: Array = relative / relative.sum()
         return share
-
-
-def _cleaned(collected: list[Rows], colour_m: float) -> list[Rows]:
-    """Without what does not fit a straight line of its pair in time."""
-    samples: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for number, rows in enumerate(collected):
-        for k, pair in enumerate(zip(rows.first, rows.second, strict=True)):
-            samples.setdefault(pair, []).append((number, k))
-    kept: list[Mask] = [np.ones(len(rows.rd), dtype=np.bool_) for rows in collected]
-    for places in samples.values():
-        times = np.array([collected[number].epoch_s for number, _ in places])
-        values = np.array([collected[number].rd[k] for number, k in places])
-        white = max(collected[number].covariance[k, k] for number, k in places)
-        sigma = math.sqrt(white + 2.0 * colour_m**2)
-        good = consensus(times - times[0], values, sigma)
-        for (number, k), fine in zip(places, good, strict=True):
-            kept[number][k] = fine
-    return [
-        rows if mask.all() else rows.where(mask)
-        for rows, mask in zip(collected, kept, strict=True)
-        if mask.any()
-    ]

@@ -8,9 +8,9 @@ second or two, and while it lasts the velocity walks on.
 
 Chosen by measurement over process noise that is raised while the innovations are too large
 (Table 1's geometry at 50 Hz; at 8 s turns by 90° to either side, or a stop, from 20 m/s). Five
-seconds later the error is 1.3 x the bound of the constant-velocity model (adaptive: 1.6-1.8 x);
-the worst mean NEES from half a second on is 10 (adaptive: 375, for it believes itself until the
-test fires). In quiet flight it costs some 5 % of the RMSE.
+seconds later the error is 1.3-1.6 x the bound of the constant-velocity model (adaptive: 1.6-1.8
+x); the worst mean NEES from half a second on is 8 (adaptive: 375, for it believes itself until
+the test fires). In quiet flight it costs 5-15 % of the RMSE.
 """
 
 from __future__ import annotations

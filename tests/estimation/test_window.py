@@ -13,7 +13,7 @@ from swarmctl.estimation.window import Window
 from tests.estimation.receivers import REAL, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)
-PSD = np.array([0.05, 0.02])
+PSD = np.array([50.0, 20.0])
 NARROW = np.diag([1.0, 1.0, 0.2, 0.2])
 """So narrow a prior that lines of sight do not turn over it: all is linear."""
 
