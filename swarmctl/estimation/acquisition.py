@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Mask
+from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.initial import Prior, starts
 from swarmctl.estimation.robust import GATE, consensus
@@ -26,6 +26,8 @@ _SEARCH = 25
 """Steps of a search."""
 _SCOUTED, _SOUGHT = 64, 16
 """Starts that are followed for a few steps, and to the end."""
+_FOLLOWED = 4
+"""Modes that are followed while echoes are taken out."""
 
 
 def is_ready(collected: list[Rows]) -> bool:
@@ -34,6 +36,16 @@ def is_ready(collected: list[Rows]) -> bool:
     count = len(collected)
     enough = lasted >= _COLLECT_S and count >= _COLLECT_EPOCHS
     return enough or (lasted >= _COLLECT_AT_MOST_S and count >= 2)
+
+
+def distinct(fit: Fit, score: Array) -> list[int]:
+    """Which fits are different modes: a sigma or more apart, the highest scores first."""
+    chosen: list[int] = []
+    for k in np.argsort(-score).tolist():
+        apart = fit.theta[chosen] - fit.theta[k]
+        if (np.vecdot(apart, np.matvec(fit.information[k], apart)) >= 1.0).all():
+            chosen.append(k)
+    return chosen
 
 
 def search(window: Window, prior: Prior, collected: list[Rows], colour_m: float) -> Fit:
@@ -66,7 +78,7 @@ def search(window: Window, prior: Prior, collected: list[Rows], colour_m: float)
         if sigmas <= GATE:
             break
         window.points.without(np.arange(fit.residual.shape[-1]) != row)
-        fit = window.fit(fit.theta, _SEARCH)
+        fit = window.fit(fit.theta[distinct(fit, -fit.objective)[:_FOLLOWED]], _SEARCH)
     return fit
 
 

@@ -34,7 +34,7 @@ import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import augmented
-from swarmctl.estimation.acquisition import is_ready, search
+from swarmctl.estimation.acquisition import distinct, is_ready, search
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.health import Health, Verdict
@@ -325,13 +325,8 @@ class Estimator:
         if window is None:
             raise EstimationError("There is no window to take modes from.")
         score = -0.5 * fit.objective - 0.5 * np.linalg.slogdet(fit.information)[1]
-        chosen: list[int] = []
-        for k in np.argsort(-score):
-            if len(chosen) == _MODES or score[k] < score.max() + math.log(_IMPROBABLE):
-                break
-            apart = fit.theta[chosen] - fit.theta[k]
-            if (np.vecdot(apart, np.matvec(fit.information[k], apart)) >= 1.0).all():
-                chosen.append(int(k))
+        likely = score.max() + math.log(_IMPROBABLE)
+        chosen = [k for k in distinct(fit, score) if score[k] >= likely][:_MODES]
         states = [window.condense(fit, k, self.epoch_s) for k in chosen]
         places = {
             receiver: 2 * self._d + k * self._layout.size
