@@ -9,6 +9,7 @@ one call), and two small classes that hold a track. No clock, no I/O.
 ``ncrkf``           the consistent non-conservative robust Kalman filter (NCRKF): one update
 ``bounds``          the posterior Cramér-Rao bound (PCRB)
 ``consistency``     NEES, its chi-squared interval, the error ellipse
+``estimator``       one live track with clocks, echoes, manoeuvres and health (see there)
 ``alignment``       a vehicle's position at a measurement's epoch
 ``pairing``         arrival times of one burst in, RDs out
 ``tracker``         positions, and RDs or arrival times, in; track out

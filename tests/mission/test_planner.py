@@ -284,7 +284,7 @@ def test_a_formation_that_faces_another_way_turns_before_it_goes_on(mission: Mis
         planner.step(Phase.APPROACHING, target(), 0.0, LAUNCH, DT)
     aside = target(-1000.0, 2000.0)
     speeds, turned = [], []
-    for _ in range(600):
+    for _ in range(900):
         planned = planner.step(Phase.APPROACHING, aside, 0.0, LAUNCH, DT)
         assert not planned.broken
         east, north = (np.array(aside.position_enu[:2]) - planned.positions[0, :2]).tolist()

@@ -1,0 +1,114 @@
+"""An emitter that turns or stops: two motion models side by side.
+
+The interacting multiple model (IMM; Blom, Bar-Shalom, "The interacting multiple model algorithm
+for systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33(8), 1988).
+Model 0 is the quiet one, constant velocity with the mission's process noise. Model 1 is a
+manoeuvre: *entering* it the velocity jumps, since a car that turns or stops is done with it in a
+second or two, and while it lasts the velocity walks on.
+
+Chosen by measurement over process noise that is raised while the innovations are too large
+(Table 1's geometry at 50 Hz; at 8 s turns by 90° to either side, or a stop, from 20 m/s). Five
+seconds later the error is 1.3-1.6 x the bound of the constant-velocity model (adaptive: 1.6-1.8
+x); the worst mean NEES from half a second on is 8 (adaptive: 375, for it believes itself until
+the test fires). In quiet flight it costs 5-15 % of the RMSE.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.arguments import Array
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """How the emitter may change its mind.
+
+    Attributes:
+        speed_mps: 1-sigma of the velocity's jump per axis, about the emitter's top speed, m/s.
+        every_s: Mean time between two manoeuvres, s.
+        lasts_s: Mean length of one, s.
+
+    Raises:
+        EstimationError: A number is not finite and positive.
+    """
+
+    speed_mps: float
+    every_s: float = 60.0
+    lasts_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mps", "every_s", "lasts_s"):
+            # Written so that NaN fails too.
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise EstimationError(
+                    f"{name} must be a finite number > 0, not {getattr(self, name)!r}."
+                )
+
+    @property
+    def psd(self) -> float:
+        """Spectral density of the acceleration meanwhile, per axis, m²/s³.
+
+        The velocity walks by another top speed in 20 s. (A tenth to ten times that makes no
+        difference that could be measured.)
+        """
+        return self.speed_mps**2 / 20.0
+
+    def switching(self, dt: float) -> Array:
+        """Probability of model j, ``dt`` seconds after model i, (2, 2)."""
+        total = 1.0 / self.every_s + 1.0 / self.lasts_s
+        faded = -math.expm1(-dt * total) / total
+        enter, leave = faded / self.every_s, faded / self.lasts_s
+        return np.array([[1.0 - enter, enter], [leave, 1.0 - leave]])
+
+    def mix(
+        self, x: Array, P: Array, weight: Array, dt: float, d: int
+    ) -> tuple[Array, Array, Array]:
+        """What each model starts a step from.
+
+        Args:
+            x: States of the two models, (..., 2, n), ``[position, velocity, ...]``.
+            P: Covariances, (..., 2, n, n).
+            weight: Probability of each model, (..., 2).
+            dt: Step, s.
+            d: Axes.
+
+        Returns:
+            Mixed x and P, and the models' probabilities after the step, before its measurement.
+        """
+        joint = weight[..., :, None] * self.switching(dt)
+        after: Array = joint.sum(-2)
+        share = joint / after[..., None, :]  # (..., from, to)
+        apart = x[..., 1, :] - x[..., 0, :]
+        spread = apart[..., :, None] * apart[..., None, :]
+        mixed = share.mT @ x
+        flat = P.reshape(*P.shape[:-2], -1)
+        covariance = (share.mT @ flat).reshape(P.shape)
+        covariance = (
+            covariance
+            + (share[..., 0, :] * share[..., 1, :])[..., None, None] * (spread[..., None, :, :])
+        )
+        axes = np.arange(d, 2 * d)
+        covariance[..., 1, axes, axes] += (share[..., 0, 1] * self.speed_mps**2)[..., None]
+        return mixed, covariance, after
+
+
+def matched(x: Array, P: Array, weight: Array) -> tuple[Array, Array]:
+    """Mean and covariance of a mixture.
+
+    Args:
+        x: (..., K, n).
+        P: (..., K, n, n).
+        weight: (..., K), of sum 1.
+
+    Returns:
+        (..., n) and (..., n, n).
+    """
+    mean: Array = np.vecmat(weight, x)
+    off = x - mean[..., None, :]
+    covariance = (weight[..., None, None] * (P + off[..., :, None] * off[..., None, :])).sum(-3)
+    return mean, covariance

@@ -1,0 +1,237 @@
+"""Epochs averaged into blocks: what a window keeps of its measurements.
+
+A block is a normal point, as in satellite ranging: what is averaged is the measured less the
+nominal range difference (RD), of a trajectory near the true one, so that the geometry may bend
+within it. Rows are kept per pair of receivers. Too many rows, and the two neighbours between
+which the geometry changed least become one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.estimation.arguments import Array, Mask
+from swarmctl.estimation.augmented import Rows
+
+
+class Block:
+    """Sums over the epochs of one block, one row per pair."""
+
+    def __init__(self, d: int, nominal: Array | None) -> None:
+        self.nominal = nominal
+        self.pairs: dict[tuple[int, int], int] = {}
+        self.sums = np.zeros((0, 3 + 2 * d))  # count, time, rd less nominal, first_at, second_at
+        self.white = np.zeros((0, 0))
+        self.begin: list[float] = []
+        self.end: list[float] = []
+
+    def add(self, rows: Rows) -> None:
+        """Take an epoch's rows; its time is since the window's first epoch."""
+        places = [
+            self._place(pair, rows.epoch_s) for pair in zip(rows.first, rows.second, strict=True)
+        ]
+        count = np.ones((len(places), 1))
+        at = np.concatenate([rows.first_at, rows.second_at], axis=1)
+        less = rows.rd - self._expected(rows.epoch_s, at)
+        new = np.concatenate([count, count * rows.epoch_s, less[:, None], at], axis=1)
+        np.add.at(self.sums, places, new)
+        index = np.array(places)
+        np.add.at(self.white, (index[:, None], index), rows.covariance)
+        for place in places:
+            self.end[place] = max(self.end[place], rows.epoch_s)
+
+    def _place(self, pair: tuple[int, int], epoch_s: float) -> int:
+        place = self.pairs.get(pair)
+        if place is None:
+            place = self.pairs[pair] = len(self.begin)
+            self.begin.append(epoch_s)
+            self.end.append(epoch_s)
+            self.sums = np.pad(self.sums, ((0, 1), (0, 0)))
+            self.white = np.pad(self.white, ((0, 1), (0, 1)))
+        return place
+
+    def _expected(self, time_s: float | Array, at: Array) -> Array:
+        """Nominal RD at some times and places, (K,), m; 0 without a nominal trajectory."""
+        if self.nominal is None:
+            return np.zeros(len(at))
+        d = self.nominal.size // 2
+        e = self.nominal[:d] + np.multiply.outer(time_s, self.nominal[d:])
+        sights = e[..., None, :] - at.reshape(len(at), 2, d)
+        distance = np.sqrt(np.vecdot(sights, sights))
+        expected: Array = distance[:, 1] - distance[:, 0]
+        return expected
+
+    def means(self) -> Array:
+        """Like ``sums``, but the mean of each, with the RD itself."""
+        means = self.sums / self.sums[:, :1]
+        means[:, 2] += self._expected(means[:, 1], means[:, 3:])
+        return means
+
+    def refer(self, nominal: Array) -> None:
+        """Take another trajectory as nominal."""
+        means = self.means()
+        self.nominal = nominal
+        means[:, 2] -= self._expected(means[:, 1], means[:, 3:])
+        self.sums[:, 2] = means[:, 2] * self.sums[:, 0]
+
+    def __iadd__(self, later: Self) -> Self:
+        """Add a later block of the same nominal trajectory."""
+        places = [
+            self._place(pair, begin) for pair, begin in zip(later.pairs, later.begin, strict=True)
+        ]
+        self.sums[places] += later.sums
+        self.white[np.ix_(places, places)] += later.white
+        for place, end in zip(places, later.end, strict=True):
+            self.end[place] = max(self.end[place], end)
+        return self
+
+    @property
+    def centre(self) -> Array:
+        """Mean of time, and of the receivers' places, (1 + d,)."""
+        count = self.sums[:, 0].sum()
+        first, second = np.split(self.sums[:, 3:].sum(0) / count, 2)
+        return np.concatenate([[self.sums[:, 1].sum() / count], 0.5 * (first + second)])
+
+
+class Table(NamedTuple):
+    """All rows, (M, ...)."""
+
+    time: Array  # since the window's first epoch, s
+    span: Array  # of the epochs averaged, s
+    rd: Array
+    at: Array  # (2, M, d): of the first and the second receiver
+    signs: Array  # (R, M): +1 second, -1 first
+    white: Array  # (M, M)
+    block: NDArray[np.intp]  # number of each row's block
+
+
+class NormalPoints:
+    """Blocks in the order of time.
+
+    Args:
+        d: Axes.
+        begin_s: Times in :meth:`table` are since then, s.
+        block_s: Length of a block, s.
+        capacity: Rows kept at most.
+    """
+
+    def __init__(self, d: int, begin_s: float, block_s: float, capacity: int) -> None:
+        self._d = d
+        self._begin_s = begin_s
+        self._block_s = block_s
+        self._capacity = capacity
+        self._blocks: list[Block] = []
+        self._opened_s = begin_s
+        self._places: dict[int, int] = {}
+        self._table: Table | None = None
+
+    @property
+    def receivers(self) -> list[int]:
+        """Ids, in the order of their first rows."""
+        return list(self._places)
+
+    @property
+    def measurements(self) -> int:
+        """How many it was given and has not dropped."""
+        return sum(round(float(block.sums[:, 0].sum())) for block in self._blocks)
+
+    def add(self, rows: Rows, nominal: Array | None = None, *, alone: bool = False) -> bool:
+        """Take the rows of an epoch.
+
+        Args:
+            rows: Not empty; not before those of the last epoch.
+            nominal: A trajectory near the true one, as theta, (2d,), if there is one already.
+            alone: Whether they begin a block whatever the time.
+
+        Returns:
+            Whether they complete a block.
+        """
+        self._table = None
+        for receiver in (*rows.first, *rows.second):
+            self._places.setdefault(receiver, len(self._places))
+        fresh = not self._blocks or rows.epoch_s >= self._opened_s + self._block_s - 1e-6
+        if fresh or alone:
+            self._blocks.append(Block(self._d, nominal))
+            self._opened_s = rows.epoch_s
+        self._blocks[-1].add(rows._replace(epoch_s=rows.epoch_s - self._begin_s))
+        return fresh
+
+    def without(self, kept: Mask) -> None:
+        """Drop rows for good: those that a mask (M,) of the last fit's rows does not keep.
+
+        Only blocks of one epoch can lose rows.
+        """
+        table = self.table()
+        self._table = None
+        blocks = []
+        for number, block in enumerate(self._blocks):
+            mask = kept[table.block == number]
+            if mask.all():
+                blocks.append(block)
+            elif mask.any():
+                picked = np.flatnonzero(mask)
+                pairs = list(block.pairs)
+                block.pairs = {pairs[old]: new for new, old in enumerate(picked)}
+                block.sums = block.sums[picked]
+                block.white = block.white[np.ix_(picked, picked)]
+                block.begin = [block.begin[k] for k in picked]
+                block.end = [block.end[k] for k in picked]
+                blocks.append(block)
+        self._blocks = blocks
+
+    def table(self) -> Table:
+        """All rows."""
+        if self._table is None:
+            self._table = self._tabulate()
+        return self._table
+
+    def compress(self, theta: Array) -> None:
+        """Merge neighbouring blocks until the rows fit the capacity.
+
+        Args:
+            theta: The present estimate, (2d,): what is far away merges first.
+        """
+        d = self._d
+        while len(self._blocks) > 2 and sum(len(b.pairs) for b in self._blocks) > self._capacity:
+            centres = np.array([block.centre for block in self._blocks])
+            t = centres[:, :1]
+            sight = theta[:d] + t * theta[d:] - centres[:, 1:]
+            distance = np.linalg.norm(sight, axis=1) + 1e-9
+            turn = np.linalg.norm(np.diff(sight / distance[:, None], axis=0), axis=1)
+            turn += np.abs(np.diff(np.log(distance)))
+            # Between alike pairs the shorter; the last block still grows.
+            turn += 1e-3 * (t[1:, 0] - t[:-1, 0])
+            k = int(np.argmin(turn[:-1]))
+            for block in self._blocks[k : k + 2]:
+                block.refer(theta)
+            self._blocks[k] += self._blocks[k + 1]
+            del self._blocks[k + 1]
+            self._table = None
+
+    def _tabulate(self) -> Table:
+        d = self._d
+        mean = np.concatenate([block.means() for block in self._blocks])
+        count = np.concatenate([block.sums[:, 0] for block in self._blocks])
+        begin = np.concatenate([block.begin for block in self._blocks])
+        end = np.concatenate([block.end for block in self._blocks])
+        # n epochs a period apart stand for n periods.
+        span = np.where(count > 1.0, (end - begin) * count / np.maximum(count - 1.0, 1.0), 0.0)
+        total = len(mean)
+        white = np.zeros((total, total))
+        signs = np.zeros((len(self._places), total))
+        numbers = np.zeros(total, dtype=np.intp)
+        k = 0
+        for number, block in enumerate(self._blocks):
+            own = slice(k, k + len(block.pairs))
+            white[own, own] = block.white
+            numbers[own] = number
+            for i, j in block.pairs:
+                signs[self._places[i], k] -= 1.0
+                signs[self._places[j], k] += 1.0
+                k += 1
+        white /= count[:, None] * count
+        at = np.stack([mean[:, 3 : 3 + d], mean[:, 3 + d :]])
+        return Table(mean[:, 1], span, mean[:, 2], at, signs, white, numbers)

@@ -1,0 +1,319 @@
+r"""The most probable trajectory over a window of epochs, the receivers' errors averaged out.
+
+A filter linearises each epoch once, at what it believes then. Where the receivers' clocks and
+positions are uncertain a bearing is not known to better than some hundredths of a radian, and
+its error is *persistent*: epochs linearised at different estimates of it contradict each other,
+and their contradiction looks like information. Here all epochs of the window are linearised at
+one trajectory, and again at each better one. With a constant-velocity start ``theta = [e, v]``
+at the window's first epoch the rows are
+
+    z_a = h_a(theta) + eps_a,       eps ~ N(0, Sigma),
+
+and since everything else in them is linear and Gaussian, Sigma is known in closed form
+(Rasmussen, Williams, "Gaussian Processes for Machine Learning", 2006, ch. 2). With t since the
+window's first epoch and s_ra = +1, -1, 0 as receiver r is the second, the first or no part of
+row a, two rows a, b have, receiver by receiver,
+
+    s_ra s_rb [bias² + drift² t_a t_b + nav² exp(-|t_a - t_b| / tau) u_raᵀ u_rb + colour ...]
+
+and from the emitter's white acceleration of density q, with g_a = u_ja - u_ia and t_a <= t_b,
+``g_aᵀ diag(q) g_b (t_a² t_b / 2 - t_a³ / 6)``. Gauss-Newton on theta (damped by Levenberg and
+Marquardt while a step does not lower the objective) has four or six unknowns whatever the
+number of receivers. The emitter's random part is linearised about the straight line: the window
+has to end (:attr:`Window.is_stretched`) before that part is no longer small beside the range.
+
+The epochs are kept as normal points (:mod:`~swarmctl.estimation.normal_points`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.motion import transition
+from swarmctl.estimation.normal_points import NormalPoints, Table
+from swarmctl.estimation.nuisance import ReceiverErrors, predict
+
+_REACH = 0.5
+"""A step moves the emitter by at most this share of its distance to the nearest receiver."""
+_SMALL_STEP = 0.05
+"""A step below this squared number of sigmas ends the search."""
+_BENT = 0.05
+"""Greatest share of the range by which the emitter may stray from the straight line."""
+
+
+class Fit(NamedTuple):
+    """Local maxima of the probability, one for each start.
+
+    Attributes:
+        theta: Position and velocity at the window's first epoch, (S, 2d), SI.
+        objective: -2 log of the evidence about it, up to a constant, (S,): smaller is more
+            probable, by exp(-difference / 2).
+        information: Inverse covariance of theta, (S, 2d, 2d).
+        residual: Whitened, at theta, (S, M): unit normal if the model is right.
+        slope: Whitened derivative of the rows by theta, (S, M, 2d).
+        root: Lower Cholesky factor of Sigma, (S, M, M), m.
+        sights: Unit lines of sight of each row, from its first and its second receiver,
+            (2, S, M, d).
+    """
+
+    theta: Array
+    objective: Array
+    information: Array
+    residual: Array
+    slope: Array
+    root: Array
+    sights: Array
+
+
+class Window:
+    """The epochs since the track began, and the trajectory that explains them best.
+
+    Attributes:
+        begin_s: The first epoch, s.
+        points: The epochs.
+
+    Args:
+        mean: Prior of position and velocity at the first epoch, (2d,), SI.
+        covariance: Of it, (2d, 2d), positive definite.
+        errors: The receivers' error model.
+        psd: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
+        begin_s: The first epoch, s.
+        block_s: Length of a block, s.
+        capacity: Rows kept at most.
+
+    Raises:
+        EstimationError: A shape is wrong, a number not finite, or the prior no covariance.
+    """
+
+    def __init__(
+        self,
+        mean: Array,
+        covariance: Array,
+        errors: ReceiverErrors,
+        psd: Array,
+        begin_s: float,
+        *,
+        block_s: float = 0.5,
+        capacity: int = 128,
+    ) -> None:
+        self._mean = as_finite("mean", mean, None)
+        n = self._mean.size
+        self._information = np.linalg.inv(as_covariance("covariance", covariance, n, n))
+        self._d = n // 2
+        self._errors = errors
+        self._psd = psd
+        self.begin_s = begin_s
+        self.points = NormalPoints(self._d, begin_s, block_s, capacity)
+
+    def worst(self, fit: Fit, index: int) -> tuple[int, float]:
+        """The row that fits least, and how many sigmas its residual has.
+
+        ``(Sigma'⁻¹ r)_a / sqrt(Sigma'⁻¹_aa)``, Baarda's statistic, with Sigma' the covariance
+        of the rows about the fitted trajectory's: theta unknown.
+        """
+        inverse = np.linalg.inv(fit.root[index])
+        weighted = inverse.T @ fit.residual[index]
+        projected = inverse.T @ fit.slope[index]
+        diagonal = (inverse * inverse).sum(0)
+        diagonal -= np.vecdot(projected, np.linalg.solve(fit.information[index], projected.T).T)
+        statistic = np.abs(weighted) / np.sqrt(np.maximum(diagonal, 1e-12))
+        row = int(np.argmax(statistic))
+        return row, float(statistic[row])
+
+    def is_stretched(self, distance_m: float, epoch_s: float) -> bool:
+        """Whether the emitter may by now be far from any straight line, seen from there."""
+        t = epoch_s - self.begin_s
+        return math.sqrt(float(self._psd.max()) * t**3 / 3.0) > _BENT * distance_m
+
+    def fit(self, starts: Array, iterations: int = 3) -> Fit:
+        """Climb to the most probable trajectories near some starts.
+
+        Args:
+            starts: (S, 2d), SI.
+            iterations: At most so many steps.
+
+        Raises:
+            EstimationError: The window has no rows, or their numbers have no finite result.
+        """
+        if not self.points.measurements:
+            raise EstimationError("A window without measurements fits any trajectory.")
+        table = self.points.table()
+        try:
+            best = self._evaluate(starts, table)
+            damping = np.zeros(len(starts))
+            for _ in range(iterations):
+                A = best.information
+                gradient = np.vecmat(best.residual, best.slope)
+                gradient += np.matvec(self._information, self._mean - best.theta)
+                diagonal = damping[:, None] * np.linalg.diagonal(A)
+                damped = A + diagonal[:, :, None] * np.eye(2 * self._d)
+                step = np.linalg.solve(damped, gradient[..., None])[..., 0]
+                step *= self._reach(best.theta, step, table)[:, None]
+                length = np.vecdot(step, np.matvec(A, step))
+                if (length < _SMALL_STEP).all():
+                    break
+                proposed = self._evaluate(best.theta + step, table)
+                better = proposed.objective < best.objective + 1e-3
+                best = _choose(better, proposed, best)
+                damping = np.where(better, damping / 10.0, np.maximum(4.0 * damping, 0.1))
+        except np.linalg.LinAlgError:
+            raise EstimationError("The window's covariance is not one.") from None
+        if not np.isfinite(best.objective).all():
+            raise EstimationError("The window's numbers have no finite result.")
+        return self._finish(best)
+
+    def _finish(self, best: Fit) -> Fit:
+        """The last, small step, by the linearisation at hand."""
+        gradient = np.vecmat(best.residual, best.slope)
+        gradient += np.matvec(self._information, self._mean - best.theta)
+        step = np.linalg.solve(best.information, gradient[..., None])[..., 0]
+        length = np.vecdot(step, np.matvec(best.information, step))
+        step *= (length < 1.0)[:, None]
+        return best._replace(
+            theta=best.theta + step, residual=best.residual - np.matvec(best.slope, step)
+        )
+
+    def _reach(self, theta: Array, step: Array, table: Table) -> Array:
+        d = self._d
+        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:]
+        nearest = np.sqrt(((e - table.at[1]) ** 2).sum(-1)).min(-1)
+        last = table.time.max()
+        moved = np.linalg.norm(step[:, :d] + last * step[:, d:], axis=1)
+        moved = np.maximum(moved, np.linalg.norm(step[:, :d], axis=1))
+        share: Array = np.minimum(1.0, _REACH * (nearest + 1e-3) / (moved + 1e-9))
+        return share
+
+    def _evaluate(self, theta: Array, table: Table) -> Fit:
+        d = self._d
+        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:]
+        sight = e - table.at[:, None]  # (2, S, M, d)
+        distance = np.sqrt(np.vecdot(sight, sight)) + 1e-9
+        u = sight / distance[..., None]
+        g = u[1] - u[0]
+        root = np.linalg.cholesky(self._covariance(table, u, g))
+        J = np.concatenate([g, table.time[:, None] * g], axis=-1)
+        r = table.rd - (distance[1] - distance[0])
+        whitened = np.linalg.solve(root, np.concatenate([J, r[..., None]], axis=-1))
+        slope, residual = whitened[..., :-1], whitened[..., -1]
+        off = theta - self._mean
+        objective = np.vecdot(residual, residual)
+        objective += np.vecdot(off, np.matvec(self._information, off))
+        objective += 2.0 * np.log(np.linalg.diagonal(root)).sum(-1)
+        information = slope.mT @ slope + self._information
+        return Fit(theta, objective, information, residual, slope, root, u)
+
+    def _covariance(self, table: Table, u: Array, g: Array) -> Array:
+        """Sigma, (S, M, M)."""
+        errors, t = self._errors, table.time
+        shared = table.signs.T @ table.signs
+        apart = np.abs(t[:, None] - t)
+        scalar = errors.bias_m**2 + errors.drift_mps**2 * t[:, None] * t
+        if errors.colour_m > 0.0:
+            scalar = scalar + errors.colour_m**2 * self._averaged(table, apart)
+        Sigma: Array = table.white + shared * scalar
+        if errors.navigation_m > 0.0:
+            V = self._by_receiver(table, u)
+            V = V.reshape(len(u[0]), -1, t.size)
+            decay = errors.navigation_m**2 * np.exp(-apart / errors.navigation_tau_s)
+            Sigma = Sigma + decay * (V.mT @ V)
+        if self._psd.any():
+            early = np.minimum(t[:, None], t)
+            late = np.maximum(t[:, None], t)
+            walk = early * early * (0.5 * late - early / 6.0)
+            Sigma = Sigma + walk * ((g * self._psd) @ g.mT)
+        return np.broadcast_to(Sigma, (len(u[0]), t.size, t.size))
+
+    @staticmethod
+    def _by_receiver(table: Table, u: Array) -> Array:
+        """s_ra u_ra, (S, R, d, M)."""
+        second = np.maximum(table.signs, 0.0)
+        first = np.minimum(table.signs, 0.0)
+        of_second = second[:, None, :] * u[1].mT[:, None]
+        both: Array = of_second + first[:, None, :] * u[0].mT[:, None]
+        return both
+
+    def _averaged(self, table: Table, apart: Array) -> Array:
+        """Correlation of the colour between rows that are averages over their spans, (M, M)."""
+        tau = self._errors.colour_tau_s
+        x = np.maximum(table.span / tau, 1e-6)
+        factor = np.sinh(np.minimum(0.5 * x, 50.0)) / (0.5 * x)
+        correlation = np.exp(-apart / tau) * factor[:, None] * factor
+        within = np.sqrt(2.0 * (x - 1.0 + np.exp(-x))) / x
+        same = table.block[:, None] == table.block
+        mixed: Array = np.where(same, within[:, None] * within, np.minimum(correlation, 1.0))
+        return mixed
+
+    def condense(self, fit: Fit, index: int, epoch_s: float) -> tuple[Array, Array]:
+        """The state of emitter and receivers at an epoch, given all rows.
+
+        Args:
+            fit: Of this window as it is.
+            index: Which of its starts.
+            epoch_s: s, not before the last row.
+
+        Returns:
+            x (n,) and P (n, n) of ``[e, v | receivers in the order of points.receivers]``.
+        """
+        d, errors = self._d, self._errors
+        table = self.points.table()
+        layout = errors.layout(d)
+        receivers = len(table.signs)
+        n = 2 * d + receivers * layout.size
+        T = epoch_s - self.begin_s
+        t = table.time
+        u = fit.sights[:, index : index + 1]
+        g = (u[1] - u[0])[0]
+        C = np.zeros((n, t.size))
+        C[:d] = (t * t * (0.5 * T - t / 6.0)) * self._psd[:, None] * g.T
+        C[d : 2 * d] = (0.5 * t * t) * self._psd[:, None] * g.T
+        of_receivers = C[2 * d :].reshape(receivers, layout.size, t.size)
+        if layout.bias is not None:
+            together = errors.bias_m**2 + errors.drift_mps**2 * T * t
+            of_receivers[:, layout.bias] = table.signs * together
+        if layout.drift is not None:
+            of_receivers[:, layout.drift] = table.signs * (errors.drift_mps**2 * t)
+        if layout.navigation is not None:
+            decay = errors.navigation_m**2 * np.exp((t - T) / errors.navigation_tau_s)
+            place = slice(layout.navigation, layout.navigation + d)
+            of_receivers[:, place] = decay * self._by_receiver(table, u)[0]
+        if layout.colour is not None:
+            tau = errors.colour_tau_s
+            x = np.maximum(table.span / tau, 1e-6)
+            factor = np.sinh(np.minimum(0.5 * x, 50.0)) / (0.5 * x)
+            decay = np.minimum(np.exp((t - T) / tau) * factor, (1.0 - np.exp(-x)) / x)
+            of_receivers[:, layout.colour] = table.signs * (errors.colour_m**2 * decay)
+
+        P = np.diag(np.concatenate([np.zeros(2 * d), np.tile(errors.variance(d), receivers)]))
+        _, P = predict(np.zeros(n), P, T, self._psd, errors, layout)
+        whitened = np.linalg.solve(fit.root[index], C.T)
+        B = -whitened.T @ fit.slope[index]
+        F = transition(T, d)
+        B[: 2 * d] += F
+        x = whitened.T @ fit.residual[index]
+        x[: 2 * d] += F @ fit.theta[index]
+        of_theta = np.linalg.inv(fit.information[index])
+        P = P - whitened.T @ whitened + B @ of_theta @ B.T
+        return x, 0.5 * (P + P.T)
+
+
+def _choose(better: Mask, proposed: Fit, best: Fit) -> Fit:
+    if better.all():
+        return proposed
+
+    def pick(new: Array, old: Array) -> Array:
+        return np.where(better.reshape(-1, *[1] * (old.ndim - 1)), new, old)
+
+    return Fit(
+        pick(proposed.theta, best.theta),
+        pick(proposed.objective, best.objective),
+        pick(proposed.information, best.information),
+        pick(proposed.residual, best.residual),
+        pick(proposed.slope, best.slope),
+        pick(proposed.root, best.root),
+        np.where(better[:, None, None], proposed.sights, best.sights),
+    )

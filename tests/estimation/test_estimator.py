@@ -1,0 +1,234 @@
+"""One live track."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.augmented import Rows, star
+from swarmctl.estimation.augmented_bound import AugmentedBound
+from swarmctl.estimation.consistency import nees
+from swarmctl.estimation.estimator import Estimator
+from swarmctl.estimation.initial import Prior, sector
+from swarmctl.estimation.manoeuvre import Manoeuvre
+from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.estimation.rd_model import range_differences
+from tests.estimation.receivers import PERIOD_S, REAL, WHITE, flight
+
+RUNS = 16
+CAR = Manoeuvre(20.0)
+IGNORANT = np.diag([5000.0**2, 500.0**2, 10.0**2, 10.0**2])
+LOOSE = np.diag([667.0**2, 667.0**2, 200.0**2, 200.0**2])
+
+
+def bound_at(covariance: Array, errors: ReceiverErrors, until_s: float) -> Array:
+    run = flight(np.random.default_rng(0), errors, until_s)
+    bound = AugmentedBound(covariance, errors, np.zeros(2))
+    for k, (rows, e) in enumerate(zip(run.true_rows, run.emitter, strict=True)):
+        bound.predict(PERIOD_S if k else 0.0)
+        bound.update(e[:2], rows)
+    return bound.covariance
+
+
+@pytest.mark.parametrize(
+    ("start", "echoes"), [("loose", 0.0), ("range-ignorant", 0.0), ("loose", 0.1)]
+)
+def test_with_real_clocks_and_navigation_a_poor_start_ends_at_the_bound(
+    start: str, echoes: float
+) -> None:
+    """An EKF of the same states has a mean NEES above 100 and 3-4 x the bound here.
+
+    Bounds: of a chi-squared sum with 2 degrees of freedom a run, and for the squared error
+    with 1 (it is nearly all along the range), both once in a thousand times.
+    """
+    covariance = LOOSE if start == "loose" else IGNORANT
+    limit = bound_at(covariance, REAL, 12.0)
+    forms, squares = [], []
+    for seed in range(RUNS):
+        rng = np.random.default_rng(seed)
+        run = flight(rng, REAL, 12.0, echoes)
+        mean = run.emitter[0] + np.sqrt(np.diag(covariance)) * rng.standard_normal(4)
+        if start == "range-ignorant":
+            mean[:2] = 5000.0, 0.0
+        track = Estimator(Prior(mean, covariance), REAL, (0.0, 0.0), manoeuvre=CAR)
+        for rows in run.rows:
+            track.update(rows)
+        found = track.estimates()[0]
+        error = (found.x - run.emitter[-1])[:2]
+        forms.append(float(nees(error, found.P[:2, :2])))
+        squares.append(float(error @ error))
+        assert track.verdict.status == "tracking"
+        assert (track.aside / (track.aside + track.used) > 0.05) == (echoes > 0.0)
+    total = 1.0 + (echoes > 0.0) * echoes  # so much fewer rows
+    assert chi2.ppf(0.001, 2 * RUNS) < sum(forms) < chi2.ppf(0.999, 2 * RUNS)
+    assert sum(squares) / np.trace(limit[:2, :2]) < total * chi2.ppf(0.999, RUNS)
+
+
+def test_without_a_prior_there_is_an_honest_estimate_within_two_seconds() -> None:
+    forms = []
+    anywhere = sector(np.array([-5000.0, 0.0]), 0.0, math.pi, 100.0, 15_000.0, 30.0)
+    for seed in range(RUNS):
+        run = flight(np.random.default_rng(seed), ReceiverErrors(), 2.0)
+        track = Estimator(anywhere, ReceiverErrors(), (0.0, 0.0))
+        first = next(k for k, rows in enumerate(run.rows) if track.update(rows))
+        assert run.rows[first].epoch_s <= 2.0
+        found = track.estimates()[0]
+        forms.append(float(nees((found.x - run.emitter[first])[:2], found.P[:2, :2])))
+    assert sum(forms) < 6.0 * RUNS
+
+
+# --- Mirror images -----------------------------------------------------------------------
+
+LINE = np.array([[0.0, 300.0], [0.0, 150.0], [0.0, -150.0], [0.0, -300.0]])
+
+
+def hovering(t: float, emitter: Array, companions: Array, rng: np.random.Generator) -> Rows:
+    n = len(companions)
+    C = 0.125 * (np.eye(n) + 1.0)
+    rd = range_differences(emitter, np.zeros(2), companions)
+    rd = rd + np.linalg.cholesky(C) @ rng.standard_normal(n)
+    return star(t, 0, np.zeros(2), list(range(1, n + 1)), companions, rd, C)
+
+
+def test_a_mirror_image_is_carried_until_a_receiver_leaves_the_line() -> None:
+    emitter = np.array([-900.0, 400.0])
+    around = sector(np.zeros(2), 0.0, math.pi, 100.0, 3000.0, 1.0)
+    rng = np.random.default_rng(0)
+    track = Estimator(around, ReceiverErrors(), (0.0, 0.0))
+    for k in range(60):
+        track.update(hovering(0.1 * k, emitter, LINE, rng))
+    both = track.estimates()
+    assert not track.is_resolved
+    assert [e.probability for e in both] == pytest.approx([0.5, 0.5], abs=0.02)
+    east = sorted(float(e.x[0]) for e in both)
+    assert east[0] == pytest.approx(-east[1], rel=0.05)
+    off = LINE.copy()
+    off[0, 0] = 60.0
+    for k in range(60, 75):
+        track.update(hovering(0.1 * k, emitter, off, rng))
+    assert track.is_resolved
+    found = track.estimates()[0]
+    assert nees((found.x[:2] - emitter), found.P[:2, :2]) < chi2.ppf(0.999, 2)
+
+
+# --- Gaps, late rows, other references ----------------------------------------------------
+
+
+def tracked(rows: list[Rows], mean: Array) -> Estimator:
+    start = Prior(mean, np.diag([33.0**2, 33.0**2, 10.0**2, 10.0**2]))
+    track = Estimator(start, REAL, (0.01, 0.01), manoeuvre=CAR)
+    for one in rows:
+        track.update(one)
+    return track
+
+
+def test_silence_makes_it_less_sure_by_its_velocity() -> None:
+    run = flight(np.random.default_rng(1), REAL, 5.0)
+    track = tracked(run.rows, run.emitter[0])
+    now, later = track.predict_to(5.0), track.predict_to(15.0)
+    assert np.trace(later.P[:2, :2]) > 100.0 * np.trace(now.P[2:, 2:])
+    ahead = run.emitter[-1, :2] + 10.0 * run.emitter[-1, 2:]
+    assert nees(later.x[:2] - ahead, later.P[:2, :2]) < chi2.ppf(0.999, 2)
+
+
+def test_another_reference_changes_nothing() -> None:
+    run = flight(np.random.default_rng(2), REAL, 4.0)
+    T = np.array([[-1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    other = [
+        star(
+            rows.epoch_s,
+            1,
+            rows.second_at[0],
+            [0, 2, 3],
+            np.stack([rows.first_at[0], *rows.second_at[1:]]),
+            T @ rows.rd,
+            T @ rows.covariance @ T.T,
+        )
+        for rows in run.rows
+    ]
+    by_0, by_1 = (tracked(rows, run.emitter[0]) for rows in (run.rows, other))
+    half = tracked(run.rows[:20] + other[20:], run.emitter[0])
+    sigma = np.sqrt(np.diag(by_0.estimates()[0].P))
+    for track in (by_1, half):
+        off = (track.estimates()[0].x - by_0.estimates()[0].x) / sigma
+        assert np.abs(off).max() < 0.05
+
+
+def test_late_rows_are_used_as_what_they_are() -> None:
+    run = flight(np.random.default_rng(3), REAL, 6.0)
+    in_order = tracked(run.rows, run.emitter[0])
+    swapped = list(run.rows)
+    for k in range(20, 60, 4):
+        swapped[k], swapped[k + 1] = swapped[k + 1], swapped[k]
+    late = tracked(swapped, run.emitter[0])
+    assert late.epoch_s == in_order.epoch_s
+    sigma = np.sqrt(np.diag(in_order.estimates()[0].P))
+    off = (late.estimates()[0].x - in_order.estimates()[0].x) / sigma
+    # A sixth of the rows misses the window until the next block.
+    assert np.abs(off).max() < 1.0
+
+
+def test_it_tells_what_limits_it_and_what_a_receiver_s_errors_are() -> None:
+    run = flight(np.random.default_rng(4), REAL, 8.0)
+    track = tracked(run.rows, run.emitter[0])
+    limits = track.limits()
+    assert limits.clock > 10.0 * limits.navigation > 0.0
+    assert limits.colour == 0.0
+    errors, covariance = track.receiver(2)
+    assert errors.shape == (4,)
+    assert covariance[0, 0] < 9.0**2
+    with pytest.raises(EstimationError, match="Receiver 9 has not been heard"):
+        track.receiver(9)
+
+
+def test_a_track_begins_again_from_another_prior() -> None:
+    run = flight(np.random.default_rng(5), ReceiverErrors(), 3.0)
+    track = Estimator(
+        Prior(np.array([3000.0, 9000.0, 0.0, 0.0]), np.eye(4)), ReceiverErrors(), (0.0, 0.0)
+    )
+    for rows in run.rows[:15]:
+        track.update(rows)
+    track.restart(Prior(run.emitter[0], IGNORANT))
+    assert track.verdict.status == "initialising"
+    assert track.estimates() == []
+    with pytest.raises(EstimationError, match="no estimate yet"):
+        track.predict_to(1.0)
+    for rows in run.rows[15:]:
+        track.update(rows)
+    found = track.estimates()[0]
+    assert nees((found.x - run.emitter[-1])[:2], found.P[:2, :2]) < chi2.ppf(0.999, 2)
+
+
+def test_an_emitter_that_stops_is_found_again() -> None:
+    """In five seconds, within 2 x the bound of constant velocity; once in a thousand times."""
+    run = flight(np.random.default_rng(6), ReceiverErrors(), 13.0)
+    ratios = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        track = Estimator(
+            Prior(run.emitter[0], np.diag([1111.0, 1111.0, 100.0, 100.0])),
+            ReceiverErrors(),
+            (0.01, 0.01),
+            manoeuvre=CAR,
+        )
+        for rows, e in zip(run.true_rows, run.emitter, strict=True):
+            at = e[:2] if rows.epoch_s <= 8.0 else run.emitter[80, :2]
+            rd = range_differences(at, rows.first_at[0], rows.second_at)
+            noise = np.linalg.cholesky(WHITE) @ rng.standard_normal(3)
+            track.update(rows._replace(rd=rd + noise))
+        found = track.estimates()[0]
+        error = found.x[:2] - run.emitter[80, :2]
+        limit = bound_at(np.diag([1111.0, 1111.0, 100.0, 100.0]), ReceiverErrors(), 13.0)
+        ratios.append(float(error @ error) / np.trace(limit[:2, :2]))
+    assert math.sqrt(np.mean(ratios)) < 2.0
+
+
+@pytest.mark.parametrize("wrong", [(0.1,), (0.1, -1.0), (0.1, math.nan), (0.1,) * 4])
+def test_process_noise_that_cannot_be_is_refused(wrong: tuple[float, ...]) -> None:
+    with pytest.raises(EstimationError, match="process_noise"):
+        Estimator(Prior(np.zeros(4), np.eye(4)), REAL, wrong)

@@ -1,0 +1,51 @@
+"""Two motion models side by side."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.manoeuvre import Manoeuvre, matched
+
+CAR = Manoeuvre(speed_mps=20.0, every_s=60.0, lasts_s=1.0)
+
+
+def test_switching_is_a_markov_chain_in_continuous_time() -> None:
+    np.testing.assert_allclose(CAR.switching(0.7).sum(1), 1.0)
+    np.testing.assert_allclose(CAR.switching(0.2) @ CAR.switching(0.5), CAR.switching(0.7))
+    np.testing.assert_allclose(CAR.switching(1e-3)[0, 1], 1e-3 / 60.0, rtol=1e-2)
+    np.testing.assert_allclose(CAR.switching(1e-3)[1, 0], 1e-3, rtol=1e-2)
+    np.testing.assert_allclose(CAR.switching(1e4)[0], [60.0 / 61.0, 1.0 / 61.0])
+
+
+def test_mixing_keeps_the_mixture_but_for_the_jump() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(0.0, 5.0, (3, 2, 6))
+    roots = rng.standard_normal((3, 2, 6, 6))
+    P = roots @ roots.mT
+    weight = np.array([[0.7, 0.3], [0.01, 0.99], [1.0, 0.0]])
+    mixed, covariance, after = CAR.mix(x, P, weight, 0.5, 2)
+    np.testing.assert_allclose(after, weight @ CAR.switching(0.5))
+    mean, total = matched(mixed, covariance, after)
+    wanted_mean, wanted = matched(x, P, weight)
+    np.testing.assert_allclose(mean, wanted_mean, atol=1e-12)
+    entered = weight[:, 0] * CAR.switching(0.5)[0, 1]
+    for axis in (2, 3):
+        wanted[:, axis, axis] += entered * 400.0
+    np.testing.assert_allclose(total, wanted, atol=1e-9)
+
+
+def test_a_mixture_is_matched_by_its_moments() -> None:
+    x, P = np.array([[0.0, 0.0], [4.0, 0.0]]), np.stack([np.eye(2), 3.0 * np.eye(2)])
+    mean, covariance = matched(x, P, np.array([0.75, 0.25]))
+    np.testing.assert_allclose(mean, [1.0, 0.0])
+    np.testing.assert_allclose(covariance, [[1.5 + 3.0, 0.0], [0.0, 1.5]])
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, math.inf, math.nan])
+def test_a_manoeuvre_needs_positive_numbers(wrong: float) -> None:
+    with pytest.raises(EstimationError, match="every_s"):
+        Manoeuvre(20.0, every_s=wrong)

@@ -1,0 +1,109 @@
+"""The most probable trajectory over a window of epochs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.augmented import Rows, update
+from swarmctl.estimation.nuisance import ReceiverErrors, predict
+from swarmctl.estimation.window import Window
+from tests.estimation.receivers import REAL, flight
+
+ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)
+PSD = np.array([50.0, 20.0])
+NARROW = np.diag([1.0, 1.0, 0.2, 0.2])
+"""So narrow a prior that lines of sight do not turn over it: all is linear."""
+
+
+def filtered(rows: list[Rows], mean: Array, errors: ReceiverErrors) -> tuple[Array, Array]:
+    """The state after all rows by the Kalman filter, receivers in the order 0, 1, 2, 3."""
+    layout = errors.layout(2)
+    places = {r: 4 + r * layout.size for r in range(4)}
+    x: Array = np.concatenate([mean, np.zeros(4 * layout.size)])
+    P: Array = np.zeros((x.size, x.size))
+    P[:4, :4] = NARROW
+    P[4:, 4:] = np.diag(np.tile(errors.variance(2), 4))
+    for k, epoch in enumerate(rows):
+        if k:
+            dt = epoch.epoch_s - rows[k - 1].epoch_s
+            x, P = predict(x, P, dt, PSD, errors, layout)
+        x, P, _ = update(x, P, epoch, places, layout)
+    return x, P
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [
+        ReceiverErrors(bias_m=9.0),
+        ReceiverErrors(bias_m=9.0, drift_mps=0.3),
+        ReceiverErrors(navigation_m=1.5, navigation_tau_s=2.0),
+        ReceiverErrors(colour_m=0.4, colour_tau_s=0.5),
+        ALL,
+    ],
+)
+def test_where_all_is_linear_it_is_the_kalman_filter(errors: ReceiverErrors) -> None:
+    run = flight(np.random.default_rng(3), errors, 2.0)
+    mean = run.emitter[0] + [0.7, -0.5, 0.1, 0.2]
+    window = Window(mean, NARROW, errors, PSD, 0.0, block_s=0.01)
+    for rows in run.rows:
+        window.points.add(rows)
+    fit = window.fit(mean[None])
+    assert window.points.receivers == [0, 1, 2, 3]
+    x, P = window.condense(fit, 0, run.rows[-1].epoch_s)
+    wanted_x, wanted_P = filtered(run.rows, mean, errors)
+    sigma = np.sqrt(np.diag(wanted_P))
+    assert np.abs((x - wanted_x) / sigma).max() < 1e-2
+    assert np.abs((P - wanted_P) / np.outer(sigma, sigma)).max() < 1e-2
+
+
+def test_epochs_averaged_into_blocks_tell_the_same() -> None:
+    run = flight(np.random.default_rng(4), REAL, 15.9)
+    prior = np.diag([666.0**2, 666.0**2, 200.0**2, 200.0**2])
+    found = []
+    for block_s, capacity in ((0.01, 1000), (0.5, 1000), (0.5, 60)):
+        window = Window(
+            run.emitter[0], prior, REAL, np.zeros(2), 0.0, block_s=block_s, capacity=capacity
+        )
+        for rows in run.rows:
+            window.points.add(rows, run.emitter[0] + [30.0, 20.0, 1.0, 1.0])
+        window.points.compress(run.emitter[0])
+        fit = window.fit(run.emitter[:1], 10)
+        if capacity < 1000:
+            assert fit.residual.shape[1] <= capacity
+        found.append(window.condense(fit, 0, run.rows[-1].epoch_s))
+    sigma = np.sqrt(np.diag(found[0][1])[:2])
+    for x, P in found[1:]:
+        assert np.abs((x - found[0][0])[:2] / sigma).max() < 0.3
+        np.testing.assert_allclose(np.sqrt(np.diag(P)[:2]), sigma, rtol=0.1)
+
+
+def test_the_worst_row_is_the_echo_and_can_be_dropped() -> None:
+    run = flight(np.random.default_rng(5), REAL, 0.7)
+    echo = run.rows[4]._replace(rd=run.rows[4].rd + np.array([0.0, 60.0, 0.0]))
+    prior = np.diag([600.0**2, 600.0**2, 200.0**2, 200.0**2])
+    window = Window(run.emitter[0], prior, REAL, np.zeros(2), 0.0)
+    for k, rows in enumerate(run.rows):
+        window.points.add(echo if k == 4 else rows, alone=True)
+    fit = window.fit(run.emitter[:1], 20)
+    row, sigmas = window.worst(fit, 0)
+    assert row == 4 * 3 + 1
+    assert sigmas > 30.0
+    window.points.without(np.arange(24) != row)
+    assert window.points.measurements == 23
+    # The greatest of 23 unit normal numbers exceeds 4.5 once in 6000 times.
+    assert window.worst(window.fit(fit.theta, 20), 0)[1] < 4.5
+
+
+def test_a_walk_that_bends_the_line_ends_the_window() -> None:
+    window = Window(np.zeros(4), np.eye(4), REAL, np.array([0.03, 0.0]), 100.0)
+    # sqrt(0.03 t³ / 3) = 0.1 t^1.5: 50 m after 63 s, 5 % of a kilometre.
+    assert not window.is_stretched(1000.0, 162.0)
+    assert window.is_stretched(1000.0, 164.0)
+
+
+def test_a_window_without_rows_has_no_trajectory() -> None:
+    with pytest.raises(EstimationError, match="without measurements"):
+        Window(np.zeros(4), np.eye(4), REAL, PSD, 0.0).fit(np.zeros((1, 4)))
