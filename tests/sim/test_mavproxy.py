@@ -21,7 +21,7 @@ MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
 pytestmark = pytest.mark.skipif(
     not MAVPROXY.exists() and shutil.which("mavproxy.py") is None,
-    reason="no mavproxy.py: pip install MAVProxy",
+    reason="no mavproxy.py: pip install --no-deps MAVProxy",
 )
 
 SPEEDUP = 5.0
