@@ -56,7 +56,7 @@ class Flown(NamedTuple):
         separation_m: Least 3-D distance between two vehicles in the air.
         reach_m: Greatest 3-D distance of a companion in formation from the reference UAV.
         not_formed: Transitions after which the swarm did not form up again in time.
-        swaps: Companions that left their slots for an estimate that only wavered.
+        swaps: Companions that took another's slot for an estimate that only wavered.
     """
 
     seed: int
@@ -79,7 +79,7 @@ class Transitions:
         d_max_m: What the mission asks for.
         reach_m: Greatest in any flight.
         not_formed: Transitions after which the swarm did not form up in time.
-        swaps: Companions that left their slots without need.
+        swaps: Companions that took another's slot without need.
         worst_seed: Seed of the flight with the least separation.
     """
 
@@ -285,27 +285,28 @@ class _Flight:
             self.go_on(10.0)
 
     def waver(self) -> None:
-        """An estimate that goes to and fro; nobody should leave his slot for it."""
-        before, true = self._slot_angles(), self.emitter.copy()
+        """An estimate that goes to and fro; nobody should take another's slot for it."""
+        before, true = self._slots_along(), self.emitter.copy()
         for _ in range(20):
             self.emitter = true + self.rng.normal(0.0, 2.0 * SHARP_M, 2)
             self.go_on(2.0)
         self.emitter = true
         self.go_on(20.0)
-        moved = np.abs((self._slot_angles() - before + math.pi) % (2.0 * math.pi) - math.pi)
-        # Neighbours stand the separation apart, so half of it on the arc is nobody's swap.
-        arc = moved * self.mission.limits.d_max_m
-        self.swaps += int((arc > 0.5 * self.mission.limits.min_separation_m).sum())
+        # A design for another range may shift a slot a little, but not onto another one.
+        moved = np.linalg.norm(self._slots_along()[:, None] - before, axis=-1)
+        self.swaps += int((moved.argmin(axis=1) != np.arange(len(before))).sum())
         self.phase = Phase.APPROACHING
 
-    def _slot_angles(self) -> Array:
+    def _slots_along(self) -> Array:
+        """The companions' slots along and across the line to the emitter, (N, 2), m."""
         if self.slots is None:
             raise AssertionError("the flight has begun")
-        ahead = self.emitter - self.slots[self.planner.reference, :2]
-        rows = list(self.planner.companions)
-        offsets = self.slots[rows, :2] - self.slots[self.planner.reference, :2]
-        angles: Array = np.arctan2(offsets[:, 1], offsets[:, 0]) - math.atan2(ahead[1], ahead[0])
-        return angles
+        reference = self.slots[self.planner.reference, :2]
+        ahead = self.emitter - reference
+        ahead = ahead / np.linalg.norm(ahead)
+        offsets = self.slots[list(self.planner.companions), :2] - reference
+        along: Array = offsets @ np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])
+        return along
 
     def jump(self) -> None:
         """The estimate jumps, but not into the swarm."""

@@ -221,7 +221,7 @@ def formation(
             f" {transitions.COMPANIONS[0]} to {transitions.COMPANIONS[-1]} companions: nearest"
             f" {flown.separation_m:.1f} m (at least {flown.min_separation_m:g}), farthest from the"
             f" reference {flown.reach_m:.1f} m (at most {flown.d_max_m:g}), not formed up"
-            f" {flown.not_formed}, slots left without need {flown.swaps}."
+            f" {flown.not_formed}, slots exchanged without need {flown.swaps}."
         )
 
 

@@ -270,9 +270,6 @@ class Controller:
         elif self.phase is Phase.WAITING and preflight.all_heard:
             self._move(Trigger.HEARD, "every vehicle answers", now)
         elif self.phase is Phase.CHECKING and preflight.complete:
-            warning = preflight.settings.warning()
-            if warning is not None:
-                self._say(now, "warning", warning)
             self._launch = Launch(list(self.fleet.vehicles.values()), now)
             self._move(Trigger.CHECKED, "every vehicle is ready", now)
 

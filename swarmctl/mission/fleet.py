@@ -37,7 +37,6 @@ class VehicleState:
         position_enu: Latest position, m.
         launch_enu: Where it stood before take-off (its own home position), m.
         parameters: What was last told of each parameter, by its newest name.
-        tells_parameters: Whether it has told any.
         clock_first: First SYSTEM_TIME heard; with the latest it tells the clocks' rates.
     """
 
@@ -55,7 +54,6 @@ class VehicleState:
     clock_last: VehicleClock | None = None
     launch_enu: Vector | None = None
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
-    tells_parameters: bool = False
 
     @property
     def is_guided(self) -> bool:
@@ -146,7 +144,6 @@ class Fleet:
                 vehicle.quality = event
             case ParameterValue():
                 vehicle.parameters[event.parameter] = event
-                vehicle.tells_parameters |= event.value is not None
             case VehicleClock():
                 self._observe_clock(vehicle, event)
 

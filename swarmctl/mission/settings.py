@@ -43,7 +43,6 @@ class Settings:
         commands: list[Command] = [
             ReadParameter(sysid=vehicle.sysid, parameter=name)
             for vehicle in self._fleet.vehicles.values()
-            if not is_mute(vehicle)
             for name in missing(vehicle)
             if self._is_due(vehicle.sysid, name, now)
         ]
@@ -63,8 +62,6 @@ class Settings:
 
     def unmet(self, vehicle: VehicleState) -> list[str]:
         """What keeps a vehicle on the ground, as sentences' middles; empty when nothing does."""
-        if is_mute(vehicle):
-            return []
         names = missing(vehicle)
         if names:
             return [f"it has not told its {', '.join(names)}"]
@@ -75,10 +72,9 @@ class Settings:
         ]
 
     def faults(self) -> list[Unsafe]:
-        """What is unsafe, once every vehicle has told all, or nothing."""
+        """What is unsafe, once every vehicle has told all."""
         vehicles = list(self._fleet.vehicles.values())
-        told = [v for v in vehicles if not is_mute(v)]
-        if any(missing(v) or v.launch_enu is None for v in told):
+        if any(missing(v) or v.launch_enu is None for v in vehicles):
             return []
         ground = self._mission.origin.alt_amsl_m
         limits = self._mission.limits
@@ -91,7 +87,7 @@ class Settings:
                     ground + v.launch_enu[2],
                     v.known_parameters,
                 )
-                for v in told
+                for v in vehicles
                 if v.heartbeat is not None
                 and v.launch_enu is not None
                 and parameters_of(v.heartbeat.autopilot)
@@ -114,16 +110,6 @@ class Settings:
         return (
             f"{'; '.join(parts)}. Set these on the vehicles, or let swarmctl set them for the"
             " flight with swarm.set_failsafes: true"
-        )
-
-    def warning(self) -> str | None:
-        """What is not known of the vehicles that tell no parameter; None if there are none."""
-        mute = [str(v.sysid) for v in self._fleet.vehicles.values() if is_mute(v)]
-        if not mute:
-            return None
-        return (
-            f"{_vehicles(mute)} answered no question for parameters: nobody knows what they do"
-            " when the ground station is lost"
         )
 
     def _verdict(self, fault: Unsafe) -> str:
@@ -189,11 +175,3 @@ def missing(vehicle: VehicleState) -> list[str]:
     names = parameters_of(vehicle.heartbeat.autopilot)
     known = vehicle.known_parameters.keys() | (OPTIONAL & vehicle.parameters.keys())
     return [name for name in names if name not in known]
-
-
-def is_mute(vehicle: VehicleState) -> bool:
-    """Whether a vehicle has met the question for every parameter with silence."""
-    beat = vehicle.heartbeat
-    names = () if beat is None else parameters_of(beat.autopilot)
-    asked = bool(names) and all(name in vehicle.parameters for name in names)
-    return asked and not vehicle.tells_parameters

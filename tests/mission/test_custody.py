@@ -191,7 +191,8 @@ def test_a_vehicle_that_is_not_what_the_file_says_is_named(
 ) -> None:
     flight = Flight(parse_mission(short_mission_text(swarm__autopilot=file)))
     for vehicle in flight.fleet.vehicles.values():
-        vehicle.autopilot = "px4" if file == "px4" else "ardupilot"
+        if file == "px4":
+            vehicle.autopilot, vehicle.parameters = "px4", PX4_SAFE.copy()
     flight.fleet.vehicles[2].autopilot = says
     flight.run("ended")
     assert ended(flight).result == "not_ready"

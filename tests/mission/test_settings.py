@@ -199,15 +199,14 @@ def test_a_parameter_that_older_firmware_does_not_have_is_not_missed() -> None:
     assert texts(flown, "warning") == []
 
 
-def test_vehicles_that_tell_no_parameter_at_all_are_flown_with_a_warning() -> None:
-    flown = flight(set_failsafes=False)
-    for sysid in (2, 4):
-        flown.fleet.vehicles[sysid].parameters = {}
-    flown.run("launching")
-    assert texts(flown, "warning") == [
-        "vehicles 2, 4 answered no question for parameters: nobody knows what they do when the"
-        " ground station is lost"
-    ]
+def test_a_vehicle_that_tells_no_parameter_is_not_flown() -> None:
+    """Nobody knows what it does when the ground station is lost."""
+    flown = flight(set_failsafes=True)
+    flown.fleet.vehicles[4].parameters = {}
+    flown.run("ended")
+    assert flown.controller.result[0] == "not_ready"
+    assert "vehicle 4: it has not told its FS_GCS_ENABLE" in flown.controller.result[1]
+    assert "launching" not in flown.phases()
 
 
 def told(sysid: int, parameter: str, value: float, received_s: float) -> ParameterValue:
