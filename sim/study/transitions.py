@@ -28,7 +28,8 @@ from swarmctl.estimation.arguments import Array
 from swarmctl.mission.loading import parse_mission
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import OBSERVING, Phase
-from swarmctl.mission.planner import Planned, Planner, Target
+from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.target import Target
 
 COMPANIONS = range(3, 13)
 EVENTS = ("jump", "near", "turn", "unsure", "companion lost", "reference lost")

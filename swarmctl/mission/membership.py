@@ -9,7 +9,8 @@ import numpy as np
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
-from swarmctl.mission.planner import Planner, Target
+from swarmctl.mission.planner import Planner
+from swarmctl.mission.target import Target
 from swarmctl.mission.watch import Failure, Watch
 
 

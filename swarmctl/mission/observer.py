@@ -11,7 +11,7 @@ from swarmctl.estimation.tracker import Tracker
 from swarmctl.events import ArrivalTime, Estimate, RangeDifferences, VehiclePosition
 from swarmctl.frames import Vector
 from swarmctl.mission.model import Mission
-from swarmctl.mission.planner import Target
+from swarmctl.mission.target import Target
 
 HISTORY_S = 5.0
 """Measurements up to this late are used, s."""

@@ -24,21 +24,13 @@ from swarmctl.formation.constraints import (
     most_outward,
     violations,
 )
-from swarmctl.formation.dogleg import DogLegs, Situation, Terms, turned
-from swarmctl.formation.guidance import (
-    LineOfSight,
-    approach_and_orbit,
-    go_to,
-    orbit_speed,
-    pace,
-    wrap_angle,
-)
-from swarmctl.formation.requirements import Noise
+from swarmctl.formation.guidance import LineOfSight, go_to
 from swarmctl.formation.separation import Bound, least_distances, separate
-from swarmctl.frames import Vector
+from swarmctl.mission.lead import FENCE_MARGIN_M, Lead
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
-from swarmctl.mission.shape import HOLD_RAD, Shape
+from swarmctl.mission.shape import Shape
+from swarmctl.mission.target import Target
 
 Array = NDArray[np.float64]
 Vector2 = tuple[float, float]
@@ -51,12 +43,6 @@ REJOINED_MPS = 1.0
 """A companion on its way back flies with its slot once their velocities differ by less."""
 HOMING_SHARE = 0.9
 """Share of the greatest speed flown on the way home, where nobody has a formation to keep."""
-TRUSTED_SPEED_SIGMA_MPS = 0.5
-"""The emitter's estimated velocity is fed forward once its 1-sigma is below this."""
-LEASH_M = (4.0, 12.0)
-"""The reference slows from full speed to a stop as the worst slot error grows between these."""
-ASIDE_RAD = (math.radians(20.0), math.radians(60.0))
-"""It slows likewise as the formation faces another way than the estimate, to let it turn."""
 REFERENCE_SHARE = 0.4
 """Share of the greatest acceleration the reference uses: the outer followers need more than it."""
 REFERENCE_YIELDS = 0.1
@@ -67,46 +53,6 @@ BRAKING_SHARE = 0.3
 """Share of the greatest acceleration counted on to stop before a limit."""
 CORRECTION_SHARE = 0.7
 """Share of the followers' spare speed that corrections of the LOS may take."""
-FEED_HZ = 10.0
-"""Rate of range differences that dog-legs are judged by."""
-FENCE_MARGIN_M = 10.0
-"""Plans are turned back this far inside the geofence."""
-PACE_SHARE = 0.95
-"""Share of the vehicles' greatest speeds the formation flies: they keep some to correct with."""
-RANGE_GUARD = 3.0
-"""The reference does not approach nearer than this many sigmas of the estimate."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """The estimate as guidance sees it: ENU, m and m/s; sigmas are 1-sigma larger axes.
-
-    ``covariance`` is the horizontal position's: east, east with north, north, m².
-    ``track_covariance`` is that of horizontal position and velocity, (4, 4); without it the
-    approach is straight.
-    """
-
-    position_enu: Vector
-    velocity_enu: Vector
-    sigma_m: float
-    speed_sigma_mps: float
-    covariance: tuple[float, float, float]
-    track_covariance: Array | None = None
-
-    def los_sigma_rad(self, east: float, north: float) -> float:
-        """1-sigma of the line of sight from a place, rad; a half turn at the most."""
-        along_e, along_n = self.position_enu[0] - east, self.position_enu[1] - north
-        squared = along_e * along_e + along_n * along_n
-        ee, en, nn = self.covariance
-        across = along_n * along_n * ee - 2.0 * along_n * along_e * en + along_e * along_e * nn
-        return min(math.pi, math.sqrt(max(across, 0.0)) / max(squared, 1.0))
-
-    @property
-    def trusted_velocity(self) -> tuple[float, float]:
-        """Horizontal velocity to feed forward: zero until it is known well enough."""
-        if self.speed_sigma_mps > TRUSTED_SPEED_SIGMA_MPS:
-            return (0.0, 0.0)
-        return self.velocity_enu[:2]
 
 
 @dataclass(frozen=True)
@@ -157,19 +103,7 @@ class Planner:
         self._positions = np.zeros((len(self._altitudes), 2))
         self._velocities = np.zeros_like(self._positions)
         self._returning: set[int] = set()
-        self._dog_legs = DogLegs(
-            Terms(
-                noise=Noise(
-                    mission.formation.sigma_rd_m, mission.filter.sigma_p_m, mission.formation.rho
-                ),
-                rate_hz=FEED_HZ,
-                acceleration_psd=mission.filter.process_noise_mps_per_sqrt_s**2,
-                cruise_mps=mission.limits.cruise_speed_mps,
-                wanted_m=mission.goal.sigma_m,
-                observe_s=mission.goal.orbit_s,
-                fence_m=mission.limits.geofence_radius_m - mission.limits.d_max_m - FENCE_MARGIN_M,
-            )
-        )
+        self._lead = Lead(mission, self._shape, self._speeds)
         # Half of the margin is left to what vehicle and wind make of the plan.
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
 
@@ -325,13 +259,13 @@ class Planner:
         # Followers are led by what the reference will do, not by what it would like to.
         wanted = self._bend(
             self._shape.reference,
-            self._reference_velocity(phase, target, (east, north), worst_error_m, dt),
+            self._lead.velocity(phase, target, reference, worst_error_m, dt),
             target,
         )
         last = self._velocities[self._shape.reference].tolist()
         change = limit(
             (wanted[0] - last[0], wanted[1] - last[1]),
-            REFERENCE_SHARE * min(self._accelerations[i] for i in self._flying()) * dt,
+            REFERENCE_SHARE * min(self._accelerations[i] for i in self._shape.flying) * dt,
         )
         velocity = (last[0] + change[0], last[1] + change[1])
         velocities[self._shape.reference] = velocity
@@ -363,10 +297,6 @@ class Planner:
             velocities[i] = self._bend(i, wanted, target)
         return velocities
 
-    def _flying(self) -> list[int]:
-        """Rows of the reference UAV and its companions."""
-        return [self._shape.reference, *self._shape.members]
-
     def _reach(self, i: int, wanted: Vector2, led: Vector2) -> Vector2:
         """Companion i's velocity, pulled in before the reference UAV is out of reach."""
         east, north = (self._positions[i] - self._positions[self._shape.reference]).tolist()
@@ -396,51 +326,6 @@ class Planner:
     def _level_reach_m(self, i: int) -> float:
         height = self._altitudes[i] - self._altitudes[self._shape.reference]
         return math.sqrt(max(self._reach_m**2 - height**2, 0.0))
-
-    def _reference_velocity(
-        self,
-        phase: Phase,
-        target: Target,
-        offset: tuple[float, float],
-        worst_error_m: float,
-        dt: float,
-    ) -> tuple[float, float]:
-        if phase is Phase.FORMING:
-            return (0.0, 0.0)
-        limits = self._mission.limits
-        distance = math.hypot(*offset)
-        # Never nearer than the estimate is sharp, but no retreat from a circle that is only
-        # this wide because little has been measured yet.
-        radius = max(self._shape.orbit_m, min(RANGE_GUARD * target.sigma_m, distance))
-        drift = target.trusted_velocity
-        # The orbit moves with the emitter, so the outermost follower has that much less left.
-        spare = limits.max_speed_mps - math.hypot(*drift)
-        orbit_mps = min(
-            limits.cruise_speed_mps, PACE_SHARE * orbit_speed(spare, radius, self._shape.d_m)
-        )
-        east, north = approach_and_orbit(offset, drift, radius, limits.cruise_speed_mps, orbit_mps)
-        if phase is Phase.APPROACHING and target.track_covariance is not None:
-            situation = Situation(
-                self._positions[self._shape.reference],
-                np.array([*target.position_enu[:2], *target.velocity_enu[:2]]),
-                target.track_covariance,
-                self._shape.offsets(),
-                radius,
-                orbit_mps,
-            )
-            course = self._dog_legs.follow(situation, dt)
-            east, north = turned((east, north), drift, course)
-        slots = np.vstack([np.zeros(2), self._shape.offsets()])
-        relative = (east - drift[0], north - drift[1])
-        speeds = PACE_SHARE * np.array([self._speeds[i] for i in self._flying()])
-        share = pace(offset, relative, drift, slots, speeds)
-        east, north = drift[0] + share * relative[0], drift[1] + share * relative[1]
-        leash = _share_left(worst_error_m, LEASH_M)
-        if target.los_sigma_rad(*self._positions[self._shape.reference].tolist()) < HOLD_RAD:
-            bearing = math.atan2(-offset[1], -offset[0])
-            aside = abs(wrap_angle(bearing - self._shape.los.angle_rad))
-            leash = min(leash, _share_left(aside, ASIDE_RAD))
-        return (leash * east, leash * north)
 
     def _homing_velocities(self, launch: Array, target: Target) -> Array:
         velocities = np.empty_like(self._velocities)
@@ -498,7 +383,7 @@ class Planner:
 
     def _violations(self, full: Array, phase: Phase, target: Target) -> list[str]:
         """Limits that planned positions break; who is on his way back may be out of reach."""
-        present = sorted(self._flying())
+        present = sorted(self._shape.flying)
         joined = [i for i in present if i not in self._returning]
         found = []
         for rows, d_max_m in (
@@ -529,9 +414,3 @@ class Planner:
             fence_radius_m=limits.geofence_radius_m,
             ceiling_m=limits.ceiling_amsl_m - self._mission.origin.alt_amsl_m,
         )
-
-
-def _share_left(value: float, bounds: tuple[float, float]) -> float:
-    """1 up to the lower bound, 0 from the upper one on, and linear between."""
-    slack, stop = bounds
-    return max(0.0, min(1.0, (stop - value) / (stop - slack)))

@@ -73,6 +73,11 @@ class Shape:
         self._morphing = np.zeros_like(self._slots)
 
     @property
+    def flying(self) -> list[int]:
+        """Rows of the reference UAV and its companions."""
+        return [self.reference, *self.members]
+
+    @property
     def _book(self) -> DesignBook:
         """The designs for as many companions as there are now."""
         count = len(self.members)

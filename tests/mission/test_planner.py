@@ -10,7 +10,8 @@ from swarmctl.errors import FormationError
 from swarmctl.mission.loading import load_mission, parse_mission
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import Phase
-from swarmctl.mission.planner import Planned, Planner, Target
+from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.target import Target
 from tests.missions import DEMO, short_mission_text
 
 DT = 0.1
