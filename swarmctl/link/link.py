@@ -27,12 +27,14 @@ from swarmctl.events import (
     VehicleVersion,
     WriteParameter,
 )
-from swarmctl.link import codec
+from swarmctl.link import decoding
 from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
 from swarmctl.link.channels import SILENT_LINK_S, Channels
 from swarmctl.link.clock import BootClock, RoundTrips
+from swarmctl.link.encoding import Encoder
 from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
+    AUTOPILOT_COMPONENT,
     Address,
     CommandAck,
     Fact,
@@ -48,6 +50,7 @@ from swarmctl.link.facts import (
 )
 from swarmctl.link.fence import FenceExchange
 from swarmctl.link.forward import Forwarder
+from swarmctl.link.framing import split
 from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.signing import Signing
 from swarmctl.link.statistics import LinkStatistics
@@ -61,7 +64,7 @@ _SAME_TIME_S = 2.0
 class _Vehicle:
     """What the link keeps about one vehicle."""
 
-    def __init__(self, sysid: int, address: Address, encoder: codec.Encoder, now: float) -> None:
+    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
         self.address = address
         self.encoder = encoder
         self.heard_s = now
@@ -143,7 +146,7 @@ class MavlinkLink:
         """Take a datagram that came from an address."""
         if self._signing is not None:
             self._signing.advance(now)
-        frames, faults = codec.split(data)
+        frames, faults = split(data)
         for fault in faults:
             self._reject_bytes(fault, data, address, now)
         if self._forwarder is not None and self._forwarder.is_station(address):
@@ -161,7 +164,7 @@ class MavlinkLink:
             if frame.sysid == self._gcs_sysid:
                 continue
             vehicle = self._vehicles.get(frame.sysid)
-            if frame.compid != codec.AUTOPILOT_COMPONENT:
+            if frame.compid != AUTOPILOT_COMPONENT:
                 if vehicle is None or vehicle.address == address:
                     self._pass_to_stations(frame, address)
                 continue
@@ -176,7 +179,7 @@ class MavlinkLink:
         """Take a frame from a vehicle of the swarm."""
         vehicle.statistics.count(frame.seq)
         vehicle.encoder.hear(frame)
-        fact = codec.read(frame, now)
+        fact = decoding.read(frame, now)
         if isinstance(fact, Fault):
             self._reject_bytes(fact, data, vehicle.address, now)
         elif fact is not None:
@@ -304,7 +307,7 @@ class MavlinkLink:
 
     def _meet(self, frame: Frame, address: Address, now: float) -> _Vehicle | None:
         """A new vehicle, if this frame makes one."""
-        if frame.message_id != MessageId.HEARTBEAT or codec.read(frame, now) is None:
+        if frame.message_id != MessageId.HEARTBEAT or decoding.read(frame, now) is None:
             return None
         # System id 0 would make every command a broadcast.
         if frame.sysid == 0 or (self._expected is not None and frame.sysid not in self._expected):
