@@ -27,7 +27,7 @@ def known(datagram: bytes) -> list[bytes]:
     return [frame.raw for frame in split(datagram)[0] if frame.message_id in mavlink.mavlink_map]
 
 
-# --- Datagrams --------------------------------------------------------------------------
+# --- Datagrams -------------------------------------------------------------------------
 
 
 def test_header_of_both_versions() -> None:
@@ -76,7 +76,7 @@ def test_an_unknown_message_between_frames_counts_but_says_nothing() -> None:
     assert "99999" in fault.detail
 
 
-# --- Corrupt input ----------------------------------------------------------------------
+# --- Corrupt input ---------------------------------------------------------------------
 
 GOOD = Sender().pack("GLOBAL_POSITION_INT", time_boot_ms=1, lat=471_234_567, lon=82_345_678, hdg=9)
 OTHER = Sender(sysid=2).pack(
@@ -128,7 +128,7 @@ def test_a_datagram_full_of_start_markers_is_given_up() -> None:
     assert known(b"\xfe" * 3000 + GOOD) == []
 
 
-# --- Streams ----------------------------------------------------------------------------
+# --- Streams ---------------------------------------------------------------------------
 
 
 def frames_of(pieces: list[bytes]) -> list[bytes]:
@@ -195,7 +195,7 @@ def test_nothing_is_lost_or_kept_but_the_beginning_of_a_frame(pieces: list[bytes
     assert not kept or kept[0] in {0xFD, 0xFE}
 
 
-# --- Whom a frame is for ----------------------------------------------------------------
+# --- Whom a frame is for ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
