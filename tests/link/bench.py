@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from swarmctl.events import GoTo, InputRejected, Observation
+from swarmctl.events import Command, GoTo, InputRejected, Observation
 from swarmctl.link.facts import Address
 from swarmctl.link.link import MavlinkLink
 from swarmctl.link.signing import Signing
@@ -90,6 +90,32 @@ class Bench:
     def sent_to(self, address: Address, name: str) -> list[Any]:
         messages = [unpack(frame) for frame, where in self.sent if where == address]
         return [message for message in messages if message.get_type() == name]
+
+
+class Answering(Protocol):
+    """Who answers what it is sent."""
+
+    def answer(self, datagram: bytes, /) -> list[bytes]: ...
+
+
+class AnsweredBench(Bench):
+    """A link to one vehicle that answers at once."""
+
+    def __init__(self, vehicle: Answering) -> None:
+        super().__init__(None)
+        self._answering = vehicle
+
+    def send(self, *commands: Command) -> None:
+        for command in commands:
+            self.link.send(command, self.now)
+            self.drain()
+
+    def drain(self) -> None:
+        super().drain()
+        sent, self.sent = self.sent, []
+        for frame, address in sent:
+            for answer in self._answering.answer(frame):
+                self.receive(answer, address)
 
 
 def goto(sysid: int, alt_amsl_m: float = 100.0) -> GoTo:
