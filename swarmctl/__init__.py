@@ -4,8 +4,8 @@ Conventions, fixed once here and used by every room of the package.
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/codec``, the console). A name carries its unit
-    where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
+    at the edges (the mission file, ``link/decoding`` and ``link/encoding``, the console). A name
+    carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
     ``_enu``: east, north, up in metres in the tangent plane at the mission origin

@@ -1,4 +1,4 @@
-"""The personalities of the simulated autopilots."""
+"""The simulated autopilots: how all fly (``flight``), what all understand, and each personality."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ class ArduPilot(Autopilot):
 
     def _watch_fence(self) -> None:
         me = self._me
-        outside = me.armed and not me.landed and not self.fence().contains(me.position_enu)
+        outside = self._is_outside()
         if outside and not self._outside:
             self._fail(FENCE_ACTIONS.get(int(me.parameters["FENCE_ACTION"])), "Fence Breached")
         self._outside = outside
@@ -321,11 +321,7 @@ class ArduPilot(Autopilot):
             )
         if isinstance(task, FlyTo) and not self.fence().contains(task.position_enu):
             return
-        me.task = task
-        yaw = setpoints.setpoint_yaw(message, me.yaw_rad)
-        if yaw is not None:
-            me.wanted_yaw_rad = yaw
-        me.yaw_rate_radps = setpoints.setpoint_yaw_rate(message) if yaw is None else 0.0
+        self._follow(task, message)
 
     def _on_request_data_stream(self, message: Message, now_s: float) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0

@@ -1,4 +1,4 @@
-"""What all simulated autopilots have in common: bytes in, bytes out, a command for the airframe.
+"""What all simulated autopilots understand and say: bytes in, bytes out, a command to fly.
 
 Sans-I/O: :meth:`Autopilot.receive` takes a datagram, :meth:`Autopilot.advance` one step of
 time, :meth:`Autopilot.datagrams` hands out what is to be sent. A personality fills in the
@@ -9,23 +9,20 @@ file transfer) answers as an unknown command or not at all.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
+from sim.autopilots.flight import Flight
 from sim.clock import Clock
 from sim.config import VehicleConfig
 from sim.dynamics import Command, State
 from sim.errors import SimError
-from sim.fence import Fence
-from sim.guidance import FlyAcceleration, FlyVelocity
-from sim.manners import Manners
 from sim.mavlink import (
     ACCEPTED,
     AUTOPILOT_COMPONENT,
     DENIED,
     UNSUPPORTED,
-    Codec,
     Message,
     dialect,
 )
@@ -33,7 +30,6 @@ from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import Onboard
 from sim.parameters import Parameters, ParameterServer
-from sim.plans import FENCE, Plans, TransferManners, fence_shapes
 from sim.streams import Streams
 from sim.telemetry import autopilot_version
 from swarmctl.frames import LocalFrame
@@ -42,8 +38,6 @@ FORCE = 21196.0
 """``param2`` that disarms in the air."""
 REBOOT_S = 1.2
 """From the acknowledgement of a reboot to the next heartbeat."""
-RESTRAINED = (FlyVelocity, FlyAcceleration)
-"""What is held back at the fence; positions beyond it are not taken at all."""
 
 
 class Request(NamedTuple):
@@ -56,7 +50,7 @@ class Request(NamedTuple):
     frame: int
 
 
-class Autopilot(ABC):
+class Autopilot(Flight):
     """The autopilot of one UAV, listening from power-up on.
 
     Args:
@@ -71,8 +65,6 @@ class Autopilot(ABC):
         SimError: Its owner has set a parameter that it does not have.
     """
 
-    manners: ClassVar[Manners]
-    transfer: ClassVar[TransferManners]
     telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]]
 
     def __init__(
@@ -92,27 +84,25 @@ class Autopilot(ABC):
                 )
             parameters.assign(name, value)
         mode = self.manners.first_mode
-        self._me = Onboard(
-            config,
-            self.manners,
-            parameters,
-            frame,
-            clock,
-            navigation,
-            truth,
-            mode,
-            mode.task(parameters),
-            config.boot_delay_s,
-            charge=config.charge,
+        super().__init__(
+            Onboard(
+                config,
+                self.manners,
+                parameters,
+                frame,
+                clock,
+                navigation,
+                truth,
+                mode,
+                mode.task(parameters),
+                config.boot_delay_s,
+                charge=config.charge,
+            )
         )
-        self._codec = Codec(config.sysid)
         self._streams = self._fresh_streams()
-        self._plans = Plans(self.transfer, self._codec.send)
         self._parameters = ParameterServer(
             parameters, self.manners.parameters_per_s, self._codec.send
         )
-        self._fence = Fence()
-        self._fence_of: object = None
         self._gcs_heard_s: float | None = None
         self._after_ack: list[Message] = []
         self._commands: dict[int, Callable[[Request], int]] = {
@@ -173,20 +163,8 @@ class Autopilot(ABC):
         Returns:
             What the airframe is to do until the next call; None with the rotors idle.
         """
-        me = self._me
-        step_s = now_s - me.now_s
-        me.now_s, me.truth = now_s, truth
-        lost_s = me.config.gps_lost_at_s
-        me.gps_ok = lost_s is None or now_s < lost_s
-        if me.home_enu is None and me.up_s >= me.timeline.home_set_s:
-            me.set_home_here()
-            me.origin_enu = me.home_enu
-        me.draw(step_s)
-        me.detect_landing()
-        self._watch()
-        self._disarm_on_ground()
-        me.turn(step_s)
-        command = self._fly()
+        step_s = now_s - self._me.now_s
+        command = self._live(now_s, truth)
         self._flush_after_ack()
         self._plans.advance(now_s)
         self._parameters.advance(step_s)
@@ -201,10 +179,6 @@ class Autopilot(ABC):
     # --- What a personality fills in ---------------------------------------------------
 
     @abstractmethod
-    def _watch(self) -> None:
-        """Look after the failsafes, once a step."""
-
-    @abstractmethod
     def _land(self) -> FlightMode:
         """The mode that lands."""
 
@@ -217,18 +191,6 @@ class Autopilot(ABC):
         """The mode of a request, or the MAV_RESULT that refuses it."""
 
     @abstractmethod
-    def _arming_refusal(self) -> str | None:
-        """Why it does not arm now; None if it does."""
-
-    @abstractmethod
-    def _idle_limit_s(self) -> float:
-        """Armed on the ground with nothing to do for so long, it disarms."""
-
-    @abstractmethod
-    def _may_lift(self) -> bool:
-        """Whether what it does takes it off the ground."""
-
-    @abstractmethod
     def _do_take_off(self, request: Request) -> int:
         """MAV_CMD_NAV_TAKEOFF."""
 
@@ -237,71 +199,8 @@ class Autopilot(ABC):
         """SET_POSITION_TARGET_*."""
 
     @abstractmethod
-    def _build_fence(self) -> Fence:
-        """The fence that its parameters and its plan make."""
-
-    @abstractmethod
-    def _speed_limit_mps(self) -> float:
-        """Greatest horizontal speed it allows itself, m/s."""
-
-    @abstractmethod
     def _is_gcs(self, message: Message) -> bool:
         """Whether a HEARTBEAT is one whose absence is a failsafe."""
-
-    # --- Flying ------------------------------------------------------------------------
-
-    def _fly(self) -> Command | None:
-        me = self._me
-        if not me.armed or me.home_enu is None:
-            return None
-        if me.landed and not self._may_lift():
-            return None
-        me.task, command = me.task.fly(me.situation(me.home_enu))
-        if command is None:
-            return None
-        velocity = command.velocity_enu
-        if isinstance(me.task, RESTRAINED):
-            velocity = self.fence().restrain(me.position_enu, velocity, self._fence_margin_m())
-        return Command(command.error_enu, velocity, command.gain_per_s, self._speed_limit_mps())
-
-    def _fence_margin_m(self) -> float:
-        """Distance from the fence at which a velocity setpoint stops, m."""
-        return 0.0
-
-    def fence(self) -> Fence:
-        """The fence in force."""
-        me = self._me
-        made_of = (me.parameters.changes, self._plans.changes, me.home_enu)
-        if made_of != self._fence_of:
-            self._fence, self._fence_of = self._build_fence(), made_of
-        return self._fence
-
-    def _planned_fence(self, ceiling_up_m: float, circle_m: float) -> Fence:
-        """The uploaded fence with a ceiling and a circle around home (infinite for none), m."""
-        me = self._me
-
-        def to_enu(lat_e7: int, lon_e7: int) -> tuple[float, float]:
-            lat, lon = math.radians(lat_e7 * 1e-7), math.radians(lon_e7 * 1e-7)
-            return me.frame.to_enu(lat, lon, me.home_alt_amsl_m)[:2]
-
-        inside, outside, within, without = fence_shapes(self._plans.stored(FENCE), to_enu)
-        if me.home_enu is not None and math.isfinite(circle_m):
-            within.append((me.home_enu[0], me.home_enu[1], circle_m))
-        return Fence(tuple(inside), tuple(outside), tuple(within), tuple(without), ceiling_up_m)
-
-    def _disarm_on_ground(self) -> None:
-        me = self._me
-        if not me.armed or not me.landed or self._may_lift():
-            return
-        if me.now_s - me.idle_since_s >= self._idle_limit_s():
-            me.armed = False
-
-    def _enter(self, mode: FlightMode) -> int:
-        """Change the mode; what it does changes only if the mode does."""
-        me = self._me
-        if mode is not me.mode:
-            me.mode, me.task = mode, mode.task(me.parameters)
-        return ACCEPTED
 
     # --- Messages ----------------------------------------------------------------------
 
@@ -367,9 +266,6 @@ class Autopilot(ABC):
         if message is not None:
             self._codec.send(message)
 
-    def _say(self, text: str, severity: int = dialect.MAV_SEVERITY_CRITICAL) -> None:
-        self._codec.send(dialect.MAVLink_statustext_message(severity, text.encode()[:50]))
-
     # --- Commands ----------------------------------------------------------------------
 
     def _do_set_mode(self, request: Request) -> int:
@@ -389,26 +285,6 @@ class Autopilot(ABC):
         if request.param1 == 0.0:
             return self._disarm(forced=request.param2 == FORCE)
         return UNSUPPORTED
-
-    def _arm(self) -> int:
-        me = self._me
-        if me.armed:
-            return ACCEPTED
-        refusal = self._arming_refusal()
-        if refusal is not None:
-            self._say(refusal)
-            return self.manners.refused
-        me.armed, me.flown, me.idle_since_s = True, False, me.now_s
-        me.set_home_here()
-        me.task = me.mode.task(me.parameters)
-        return ACCEPTED
-
-    def _disarm(self, *, forced: bool) -> int:
-        me = self._me
-        if me.armed and not me.landed and not forced:
-            return self.manners.refused
-        me.armed = False
-        return ACCEPTED
 
     def _do_set_message_interval(self, request: Request) -> int:
         message_id = _whole(request.param1)

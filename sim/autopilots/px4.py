@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from sim import setpoints, telemetry
+from sim import telemetry
 from sim.autopilots import px4_setpoints
 from sim.autopilots.autopilot import Autopilot, Request
 from sim.autopilots.px4_parameters import parameters
@@ -238,7 +238,7 @@ class Px4(Autopilot):
 
     def _watch_fence(self) -> None:
         me = self._me
-        outside = me.armed and not me.landed and not self.fence().contains(me.position_enu)
+        outside = self._is_outside()
         if outside and not self._outside:
             action = FENCE_ACTIONS.get(int(me.parameters["GF_ACTION"]))
             if action is None:
@@ -376,11 +376,7 @@ class Px4(Autopilot):
         self._previous_setpoint_s, self._setpoint_s = self._setpoint_s, now_s
         if me.mode is not OFFBOARD:
             return
-        me.task = task
-        yaw = setpoints.setpoint_yaw(message, me.yaw_rad)
-        if yaw is not None:
-            me.wanted_yaw_rad = yaw
-        me.yaw_rate_radps = setpoints.setpoint_yaw_rate(message) if yaw is None else 0.0
+        self._follow(task, message)
 
     def _on_ping(self, message: Message, _now_s: float) -> None:
         if message.target_system == 0 and message.target_component == 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from swarmctl.link import codec
+from swarmctl.link.encoding import Encoder
 from swarmctl.link.facts import Address
 from swarmctl.link.signing import Signing
 
@@ -30,18 +30,18 @@ class Channels:
         self._gcs_sysid = gcs_sysid
         self._signing = signing
         # One per address, because sequence numbers count per channel.
-        self._encoders: dict[Address, codec.Encoder] = {}
+        self._encoders: dict[Address, Encoder] = {}
         self._called: list[Address] = []
         # Endpoints on which nothing was heard yet: their URLs, and when to say so.
         self._unheard: dict[int, tuple[str, float]] = {}
         self._asked_ns: dict[Address, deque[int]] = {}
         self._periods = 0
 
-    def encoder(self, address: Address) -> codec.Encoder:
+    def encoder(self, address: Address) -> Encoder:
         """What writes our frames to an address."""
         if address not in self._encoders:
             link_id = len(self._encoders) & 0xFF
-            self._encoders[address] = codec.Encoder(self._gcs_sysid, self._signing, link_id)
+            self._encoders[address] = Encoder(self._gcs_sysid, self._signing, link_id)
         return self._encoders[address]
 
     def call(self, address: Address) -> None:

@@ -1,6 +1,6 @@
 """The words the link's modules share, below :mod:`swarmctl.events` and above the wire.
 
-Units and frames as in the package docstring: :mod:`swarmctl.link.codec` has converted them.
+Units and frames as in the package docstring: ``decoding`` has converted them.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
+
+AUTOPILOT_COMPONENT = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
 
 
 class Address(NamedTuple):

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
-from swarmctl.link import codec
 from swarmctl.link.facts import Address, Frame
+from swarmctl.link.framing import target_of
 
 
 class Forwarder:
@@ -42,7 +42,7 @@ class Forwarder:
         senders = [sysids for sysids in self._stations.values() if frame.sysid in sysids]
         if not senders:
             self._vehicles[frame.sysid] = address
-        target = codec.target_of(frame)
+        target = target_of(frame)
         return [
             station
             for station, sysids in self._stations.items()
@@ -64,7 +64,7 @@ class Forwarder:
         if frame.sysid in self._vehicles:
             return "loop"
         self._stations[station].add(frame.sysid)
-        target = codec.target_of(frame)
+        target = target_of(frame)
         if target == 0:
             return list(dict.fromkeys(self._vehicles.values()))
         address = self._vehicles.get(target)

@@ -11,78 +11,35 @@ from swarmctl.events import (
     Command,
     CommandOutcome,
     GoTo,
-    Heartbeat,
-    HomePosition,
     InputRejected,
-    LandedState,
-    Mode,
     Observation,
     ParameterValue,
     ReadParameter,
     RequestVersion,
-    StatusText,
     UploadFence,
-    VehicleClock,
-    VehiclePosition,
     VehicleVersion,
     WriteParameter,
 )
-from swarmctl.link import codec
-from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
+from swarmctl.link import decoding
 from swarmctl.link.channels import SILENT_LINK_S, Channels
-from swarmctl.link.clock import BootClock, RoundTrips
-from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
+    AUTOPILOT_COMPONENT,
     Address,
     CommandAck,
     Fact,
     Fault,
     FenceFact,
     Frame,
-    HeartbeatFact,
-    MavCmd,
-    MessageId,
-    ParameterFact,
-    PositionFact,
     TimeSyncAnswer,
 )
-from swarmctl.link.fence import FenceExchange
 from swarmctl.link.forward import Forwarder
-from swarmctl.link.parameters import ParameterExchange, ReadPacket
+from swarmctl.link.framing import split
+from swarmctl.link.roster import Roster
 from swarmctl.link.signing import Signing
-from swarmctl.link.statistics import LinkStatistics
+from swarmctl.link.vehicle import Vehicle
 
 _PERIOD_S = 1.0
 """Between our own heartbeats, and between two reports of link quality."""
-_SAME_TIME_S = 2.0
-"""Two addresses heard within this time speak at the same time."""
-
-
-class _Vehicle:
-    """What the link keeps about one vehicle."""
-
-    def __init__(self, sysid: int, address: Address, encoder: codec.Encoder, now: float) -> None:
-        self.address = address
-        self.encoder = encoder
-        self.heard_s = now
-        self.rival: Address | None = None
-        self.rival_heard_s = now
-        self.personality: Personality | None = None
-        self.home_alt_amsl_m: float | None = None
-        self.uid = 0
-        self.is_another = False
-        self.clock = BootClock()
-        self.round_trips = RoundTrips()
-        self.statistics = LinkStatistics(now)
-        self.exchange = Exchange(sysid)
-        self.parameters = ParameterExchange(sysid)
-        self.fence = FenceExchange(sysid)
-
-    def next_timer(self) -> float:
-        """When its exchanges are due."""
-        return min(
-            self.exchange.next_timer(), self.parameters.next_timer(), self.fence.next_timer()
-        )
 
 
 class MavlinkLink:
@@ -126,8 +83,7 @@ class MavlinkLink:
         self._signing = signing
         self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
         self._channels = Channels(gcs_sysid, signing)
-        self._expected = None if vehicles is None else frozenset(vehicles)
-        self._vehicles: dict[int, _Vehicle] = {}
+        self._roster = Roster(vehicles, self._channels, self.send, self._reject)
         self._next_period_s = math.inf
         self._events: list[Observation] = []
         self._datagrams: list[tuple[bytes, Address]] = []
@@ -143,7 +99,7 @@ class MavlinkLink:
         """Take a datagram that came from an address."""
         if self._signing is not None:
             self._signing.advance(now)
-        frames, faults = codec.split(data)
+        frames, faults = split(data)
         for fault in faults:
             self._reject_bytes(fault, data, address, now)
         if self._forwarder is not None and self._forwarder.is_station(address):
@@ -160,30 +116,50 @@ class MavlinkLink:
             self._channels.heard(address)
             if frame.sysid == self._gcs_sysid:
                 continue
-            vehicle = self._vehicles.get(frame.sysid)
-            if frame.compid != codec.AUTOPILOT_COMPONENT:
+            vehicle = self._roster.vehicles.get(frame.sysid)
+            if frame.compid != AUTOPILOT_COMPONENT:
                 if vehicle is None or vehicle.address == address:
                     self._pass_to_stations(frame, address)
                 continue
             vehicle = vehicle or self._meet(frame, address, now)
             if vehicle is None:
                 self._pass_to_stations(frame, address)
-            elif self._is_where(vehicle, frame.sysid, address, now):
+            elif self._roster.is_where(vehicle, address, now):
                 self._pass_to_stations(frame, address)
                 self._hear(frame, vehicle, data, now)
 
-    def _hear(self, frame: Frame, vehicle: _Vehicle, data: bytes, now: float) -> None:
+    def _hear(self, frame: Frame, vehicle: Vehicle, data: bytes, now: float) -> None:
         """Take a frame from a vehicle of the swarm."""
         vehicle.statistics.count(frame.seq)
         vehicle.encoder.hear(frame)
-        fact = codec.read(frame, now)
+        fact = decoding.read(frame, now)
         if isinstance(fact, Fault):
             self._reject_bytes(fact, data, vehicle.address, now)
         elif fact is not None:
             if isinstance(fact, VehicleVersion):
-                self._identify(fact, vehicle, now)
-            if not vehicle.is_another:
-                self._take(fact, frame.sysid, vehicle, now)
+                self._roster.identify(fact, vehicle, now)
+            if not vehicle.is_another and self._is_for_us(fact, vehicle):
+                observation = vehicle.take(fact, now)
+                if observation is not None:
+                    self._events.append(observation)
+                self._flush(vehicle, now)
+
+    def _meet(self, frame: Frame, address: Address, now: float) -> Vehicle | None:
+        """A new vehicle, if this frame makes one: from now on it gets our heartbeat."""
+        vehicle = self._roster.meet(frame, address, now)
+        if vehicle is not None and self._next_period_s == math.inf:
+            self._next_period_s = now
+        return vehicle
+
+    def _is_for_us(self, fact: Fact, vehicle: Vehicle) -> bool:
+        """Whether an answer is to a question of ours: other ground stations ask, too."""
+        match fact:
+            case CommandAck() | FenceFact():
+                return fact.target_system in {0, self._gcs_sysid}
+            case TimeSyncAnswer():
+                return self._channels.has_asked(vehicle.address, fact.asked_ns)
+            case _:
+                return True
 
     def send(self, command: Command, now: float) -> None:
         """Send a command, or queue it behind those its vehicle has not acknowledged yet.
@@ -195,7 +171,7 @@ class MavlinkLink:
         """
         if self._signing is not None:
             self._signing.advance(now)
-        vehicle = self._vehicles.get(command.sysid)
+        vehicle = self._roster.vehicles.get(command.sysid)
         personality = None if vehicle is None else vehicle.personality
         if isinstance(command, GoTo):
             frame = None
@@ -217,14 +193,14 @@ class MavlinkLink:
             self._end(command, "refused", detail, now)
         elif isinstance(command, UploadFence):
             vehicle.fence.submit(command, now)
-            self._flush(vehicle, command.sysid, now)
+            self._flush(vehicle, now)
         else:
             request = personality.request_for(command, vehicle.home_alt_amsl_m)
             if isinstance(request, str):
                 self._end(command, "refused", request, now)
             else:
                 vehicle.exchange.submit(request, now)
-                self._flush(vehicle, command.sysid, now)
+                self._flush(vehicle, now)
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: heartbeats, reports, retries."""
@@ -235,19 +211,17 @@ class MavlinkLink:
             if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
                 self._next_period_s = now + _PERIOD_S
             self._every_period(now)
-        for sysid, vehicle in self._vehicles.items():
+        for vehicle in self._roster.vehicles.values():
             if now >= vehicle.next_timer():
-                vehicle.exchange.handle_timer(now)
-                vehicle.parameters.handle_timer(now)
-                vehicle.fence.handle_timer(now)
-                self._flush(vehicle, sysid, now)
+                vehicle.handle_timer(now)
+                self._flush(vehicle, now)
 
     def _every_period(self, now: float) -> None:
         """Our heartbeats and questions, reports of link quality."""
-        addresses = (vehicle.address for vehicle in self._vehicles.values())
+        addresses = (vehicle.address for vehicle in self._roster.vehicles.values())
         for frame, address in self._channels.period(addresses, now):
             self._transmit(frame, address, now)
-        for sysid, vehicle in self._vehicles.items():
+        for sysid, vehicle in self._roster.vehicles.items():
             self._events.append(
                 vehicle.statistics.report(sysid, now, vehicle.clock, vehicle.round_trips)
             )
@@ -256,7 +230,7 @@ class MavlinkLink:
 
     def next_timer(self) -> float:
         """When :meth:`handle_timer` is due; infinity while nobody is known and none is called."""
-        retries = (vehicle.next_timer() for vehicle in self._vehicles.values())
+        retries = (vehicle.next_timer() for vehicle in self._roster.vehicles.values())
         return min((self._next_period_s, *retries))
 
     # --- Endpoints ---------------------------------------------------------------------
@@ -298,81 +272,7 @@ class MavlinkLink:
     @property
     def addresses(self) -> dict[int, Address]:
         """Where each vehicle known by its system id was last heard from."""
-        return {sysid: vehicle.address for sysid, vehicle in self._vehicles.items()}
-
-    # --- Who speaks --------------------------------------------------------------------
-
-    def _meet(self, frame: Frame, address: Address, now: float) -> _Vehicle | None:
-        """A new vehicle, if this frame makes one."""
-        if frame.message_id != MessageId.HEARTBEAT or codec.read(frame, now) is None:
-            return None
-        # System id 0 would make every command a broadcast.
-        if frame.sysid == 0 or (self._expected is not None and frame.sysid not in self._expected):
-            self._reject(
-                "unexpected_vehicle",
-                f"System id {frame.sysid} at {address} is no vehicle of this mission: give "
-                f"it an id of the mission's, or keep it off this port.",
-                now,
-            )
-            return None
-        vehicle = _Vehicle(frame.sysid, address, self._channels.encoder(address), now)
-        if self._next_period_s == math.inf:
-            self._next_period_s = now
-        self._vehicles[frame.sysid] = vehicle
-        return vehicle
-
-    def _is_where(self, vehicle: _Vehicle, sysid: int, address: Address, now: float) -> bool:
-        """Whether the vehicle may speak from this address.
-
-        One that falls silent and comes back elsewhere has moved. While two addresses speak by
-        turns they are two vehicles with the same system id, and the first is the one.
-        """
-        if address == vehicle.address:
-            silent_s, vehicle.heard_s = now - vehicle.heard_s, now
-            if silent_s >= _SAME_TIME_S:
-                self._ask_who(vehicle, sysid, now)
-            if vehicle.rival is not None and now - vehicle.rival_heard_s < _SAME_TIME_S:
-                self._reject(
-                    "duplicate_sysid",
-                    f"System id {sysid} speaks from {address} and from {vehicle.rival} "
-                    f"at the same time: only the first is used; give each vehicle its own id.",
-                    now,
-                )
-            vehicle.rival = None
-            return True
-        if now - vehicle.heard_s < _SAME_TIME_S:
-            vehicle.rival = address
-            vehicle.rival_heard_s = now
-            return False
-        vehicle.address = address
-        vehicle.encoder = self._channels.encoder(address)
-        vehicle.heard_s = now
-        vehicle.rival = None
-        self._ask_who(vehicle, sysid, now)
-        return True
-
-    def _ask_who(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
-        """Ask a vehicle that came back whether it is the one that we knew."""
-        if vehicle.uid:
-            self.send(RequestVersion(sysid=sysid), now)
-
-    def _identify(self, version: VehicleVersion, vehicle: _Vehicle, now: float) -> None:
-        """Keep a vehicle's hardware id, or find that another vehicle answers in its place.
-
-        What another vehicle says is not used, and it is told nothing, until the first is back.
-        """
-        if version.uid == 0:  # not known to itself
-            return
-        vehicle.uid = vehicle.uid or version.uid
-        vehicle.is_another = version.uid != vehicle.uid
-        if vehicle.is_another:
-            self._reject(
-                "changed_uid",
-                f"System id {version.sysid} at {vehicle.address} had the hardware id "
-                f"{vehicle.uid:#x} and now has {version.uid:#x}: another vehicle, which is not "
-                f"commanded; give each vehicle its own system id.",
-                now,
-            )
+        return {sysid: vehicle.address for sysid, vehicle in self._roster.vehicles.items()}
 
     # --- Other stations ----------------------------------------------------------------
 
@@ -403,77 +303,7 @@ class MavlinkLink:
             for address in addresses:
                 self._transmit(frame.raw, address, now)
 
-    # --- What is said ------------------------------------------------------------------
-
-    def _take(self, fact: Fact, sysid: int, vehicle: _Vehicle, now: float) -> None:
-        """Report a fact and let those who wait for it know."""
-        match fact:
-            case PositionFact():
-                self._events.append(
-                    VehiclePosition(
-                        received_s=now,
-                        sysid=sysid,
-                        boot_s=fact.boot_s,
-                        epoch_utc_s=vehicle.clock.to_utc(fact.boot_s),
-                        lat_rad=fact.lat_rad,
-                        lon_rad=fact.lon_rad,
-                        alt_amsl_m=fact.alt_amsl_m,
-                        velocity_enu=fact.velocity_enu,
-                    )
-                )
-                return
-            case HeartbeatFact():
-                heartbeat = self._heartbeat(fact, sysid, vehicle, now)
-                self._events.append(heartbeat)
-                vehicle.exchange.on_state(heartbeat, now)
-            case CommandAck():
-                # Another ground station on the same network gets its answers, too.
-                if fact.target_system in {0, self._gcs_sysid}:
-                    vehicle.exchange.on_ack(fact, now)
-            case TimeSyncAnswer():
-                # What another ground station asked is answered to everybody, too.
-                if self._channels.has_asked(vehicle.address, fact.asked_ns):
-                    vehicle.round_trips.add(fact.asked_ns / 1e9, fact.boot_s, now)
-                return
-            case FenceFact():
-                if fact.target_system in {0, self._gcs_sysid}:
-                    vehicle.fence.on_fact(fact, now)
-            case ParameterFact():
-                if vehicle.personality is not None:
-                    bytewise = vehicle.personality.BYTEWISE_PARAMETERS
-                    vehicle.parameters.on_value(fact, now, bytewise=bytewise)
-            case _:
-                self._events.append(fact)
-                if isinstance(fact, LandedState):
-                    vehicle.exchange.on_state(fact, now)
-                elif isinstance(fact, StatusText):
-                    vehicle.exchange.on_text(fact.text, now)
-                elif isinstance(fact, VehicleClock):
-                    vehicle.clock.update(fact.utc_s, fact.boot_s)
-                elif isinstance(fact, HomePosition):
-                    vehicle.home_alt_amsl_m = fact.alt_amsl_m
-        self._flush(vehicle, sysid, now)
-
-    def _heartbeat(
-        self, fact: HeartbeatFact, sysid: int, vehicle: _Vehicle, now: float
-    ) -> Heartbeat:
-        personality = PERSONALITIES.get(fact.autopilot) if fact.is_multirotor else None
-        vehicle.personality = personality
-        if personality is not None:
-            mode, mode_name = personality.mode_of(fact.custom_mode)
-        else:
-            mode, mode_name = Mode.OTHER, str(fact.custom_mode)
-        return Heartbeat(
-            received_s=now,
-            sysid=sysid,
-            autopilot=fact.autopilot,
-            is_multirotor=fact.is_multirotor,
-            mode=mode,
-            mode_name=mode_name,
-            armed=fact.armed,
-            failsafe=fact.failsafe,
-            guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
-        )
+    # --- What is refused ------------------------------------------------------------------
 
     def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
         detail = f"{fault.detail}, in a datagram of {len(data)} bytes from {address}."
@@ -501,31 +331,14 @@ class MavlinkLink:
 
     # --- What is answered --------------------------------------------------------------
 
-    def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
+    def _flush(self, vehicle: Vehicle, now: float) -> None:
         """Send and report what the vehicle's exchanges have decided."""
-        for attempt in vehicle.exchange.attempts():
-            if vehicle.is_another and attempt.command.command != MavCmd.REQUEST_MESSAGE:
-                continue
-            frame = vehicle.encoder.command_long(sysid, attempt.command, attempt.confirmation)
+        for frame in vehicle.frames():
             self._transmit(frame, vehicle.address, now)
-        self._events.extend(vehicle.exchange.outcomes())
-        for packet in vehicle.parameters.packets():
-            if vehicle.is_another:
-                continue
-            if isinstance(packet, ReadPacket):
-                frame = vehicle.encoder.param_request_read(sysid, packet.name)
-            else:
-                frame = vehicle.encoder.param_set(sysid, packet.name, packet.raw, packet.kind)
-            self._transmit(frame, vehicle.address, now)
-        self._events.extend(vehicle.parameters.values())
-        for plan_packet in vehicle.fence.packets():
-            if vehicle.is_another:
-                continue
-            self._transmit(vehicle.encoder.plan(sysid, plan_packet), vehicle.address, now)
-        self._events.extend(vehicle.fence.outcomes())
+        self._events.extend(vehicle.outcomes())
 
     def _parameter(
-        self, command: ReadParameter | WriteParameter, vehicle: _Vehicle | None, now: float
+        self, command: ReadParameter | WriteParameter, vehicle: Vehicle | None, now: float
     ) -> None:
         if vehicle is None or vehicle.personality is None:
             self._events.append(
@@ -541,7 +354,7 @@ class MavlinkLink:
         wanted = command.value if isinstance(command, WriteParameter) else None
         spellings = vehicle.personality.spellings(command.parameter)
         vehicle.parameters.submit(command.parameter, spellings, wanted, now)
-        self._flush(vehicle, command.sysid, now)
+        self._flush(vehicle, now)
 
     def _end(
         self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float

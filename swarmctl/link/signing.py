@@ -2,7 +2,7 @@
 
 https://mavlink.io/en/guide/message_signing.html. The signature is the first 48 bits of the
 SHA-256 of the key, the frame, the link id and the timestamp, which counts 10 us since
-2015-01-01 UTC. :mod:`swarmctl.link.codec` writes our own signatures by pymavlink. Received ones
+2015-01-01 UTC. :mod:`swarmctl.link.encoding` writes our own signatures by pymavlink. Received ones
 are checked here and not by pymavlink, which remembers the timestamp of a frame before it has
 checked the signature: one forged frame from the far future would silence its vehicle.
 """

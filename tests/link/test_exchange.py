@@ -6,93 +6,20 @@ import math
 
 import pytest
 
-from swarmctl.events import CommandOutcome, Heartbeat, LandedState, Mode
-from swarmctl.link.exchange import Attempt, Exchange, Request, State
-from swarmctl.link.facts import CommandAck, CommandLong, MavCmd
-
-ASK = CommandLong(MavCmd.REQUEST_MESSAGE, (242.0,))
-ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
-TAKE_OFF = CommandLong(MavCmd.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0))
-INTERVALS = tuple(
-    CommandLong(MavCmd.SET_MESSAGE_INTERVAL, (float(message), 1e6)) for message in (33, 2, 242)
+from swarmctl.events import CommandOutcome
+from swarmctl.link.exchange import Attempt, Request
+from swarmctl.link.facts import CommandLong, MavCmd
+from tests.link.exchange_bench import (
+    ARM,
+    ASK,
+    INTERVALS,
+    REQUEST_ARM,
+    REQUEST_HOME,
+    REQUEST_STREAMS,
+    REQUEST_TAKE_OFF,
+    TAKE_OFF,
+    Bench,
 )
-
-
-def shows_armed(state: State) -> bool:
-    return isinstance(state, Heartbeat) and state.armed
-
-
-def shows_airborne(state: State) -> bool:
-    return isinstance(state, LandedState) and state.state == "taking_off"
-
-
-REQUEST_HOME = Request("RequestHome", (ASK,))
-REQUEST_ARM = Request("Arm", (ARM,), shows_armed, needs_state=True)
-REQUEST_TAKE_OFF = Request("TakeOff", (TAKE_OFF,), shows_airborne)
-REQUEST_STREAMS = Request("StreamTelemetry", INTERVALS)
-
-
-class Bench:
-    """An exchange with a clock that moves from timer to timer."""
-
-    def __init__(self) -> None:
-        self.exchange = Exchange(3)
-        self.now = 100.0
-        self.sent: list[tuple[float, Attempt]] = []
-        self.outcomes: list[CommandOutcome] = []
-
-    def submit(self, *requests: Request) -> None:
-        for request in requests:
-            self.exchange.submit(request, self.now)
-        self._drain()
-
-    def ack(self, command: MavCmd, result: str = "ACCEPTED") -> None:
-        self.exchange.on_ack(CommandAck(command, result, 255), self.now)
-        self._drain()
-
-    def heartbeat(self, *, armed: bool) -> None:
-        state = Heartbeat(
-            received_s=self.now,
-            sysid=3,
-            autopilot="ardupilot",
-            is_multirotor=True,
-            mode=Mode.OTHER,
-            mode_name="STABILIZE",
-            armed=armed,
-        )
-        self.exchange.on_state(state, self.now)
-        self._drain()
-
-    def taking_off(self) -> None:
-        self.exchange.on_state(
-            LandedState(received_s=self.now, sysid=3, state="taking_off"), self.now
-        )
-        self._drain()
-
-    def text(self, text: str) -> None:
-        self.exchange.on_text(text, self.now)
-        self._drain()
-
-    def wait(self, seconds: float) -> None:
-        """Let time pass, serving timers when they are due and never otherwise."""
-        end = self.now + seconds
-        while self.exchange.next_timer() <= end:
-            self.now = self.exchange.next_timer()
-            self.exchange.handle_timer(self.now)
-            self._drain()
-        self.now = end
-
-    def _drain(self) -> None:
-        self.sent += [(self.now, attempt) for attempt in self.exchange.attempts()]
-        self.outcomes += self.exchange.outcomes()
-
-    @property
-    def times_sent(self) -> list[float]:
-        return [when - 100.0 for when, _ in self.sent]
-
-    @property
-    def results(self) -> list[tuple[str, str]]:
-        return [(outcome.command, outcome.result) for outcome in self.outcomes]
 
 
 @pytest.fixture
@@ -303,153 +230,6 @@ def test_answers_repeated_by_the_network_do_not_make_the_next_one_late(bench: Be
     bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
     bench.wait(0.3)
     assert bench.results == [("Arm", "accepted"), ("Arm", "refused")]
-
-
-# --- Confirmation by state -------------------------------------------------------------
-
-
-def test_an_ack_alone_does_not_confirm(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
-    bench.wait(2.5)
-    assert bench.outcomes == []
-    bench.heartbeat(armed=False)
-    assert bench.outcomes == []
-    bench.heartbeat(armed=True)
-    assert bench.results == [("Arm", "accepted")]
-
-
-def test_the_state_confirms_where_the_ack_was_lost(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.wait(0.2)
-    bench.heartbeat(armed=True)
-    assert bench.results == [("Arm", "accepted")]
-    bench.wait(60.0)
-    assert len(bench.sent) == 1
-
-
-def test_a_state_before_the_command_left_confirms_nothing(bench: Bench) -> None:
-    bench.heartbeat(armed=True)
-    bench.submit(REQUEST_HOME, REQUEST_ARM)
-    bench.heartbeat(armed=True)
-    bench.ack(MavCmd.REQUEST_MESSAGE)
-    bench.wait(0.5)
-    assert bench.results == [("RequestHome", "accepted")]
-
-
-def test_a_state_that_does_not_follow_the_ack_is_a_refusal(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
-    bench.wait(1.0)
-    bench.heartbeat(armed=False)
-    bench.wait(60.0)
-    assert bench.results == [("Arm", "refused")]
-    assert bench.outcomes[0].received_s == 106.0
-    expected = "ACCEPTED, but after 6 s HEARTBEAT shows STABILIZE and disarmed"
-    assert bench.outcomes[0].detail == expected
-
-
-def test_no_heartbeat_after_the_ack_is_no_answer(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.heartbeat(armed=False)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
-    bench.wait(60.0)
-    assert bench.results == [("Arm", "no_answer")]
-    assert bench.outcomes[0].detail == "ACCEPTED, but no HEARTBEAT for 6 s"
-
-
-def test_where_the_ack_is_enough_no_state_is_waited_for(bench: Bench) -> None:
-    bench.submit(REQUEST_TAKE_OFF)
-    bench.ack(MavCmd.NAV_TAKEOFF)
-    assert bench.results == [("TakeOff", "accepted")]
-
-
-def test_a_refused_retry_is_accepted_if_the_state_shows_that_the_first_try_worked(
-    bench: Bench,
-) -> None:
-    bench.submit(REQUEST_TAKE_OFF)  # obeyed, its ACK lost
-    bench.wait(1.1)
-    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")  # to the retry: it is airborne already
-    assert bench.outcomes == []
-    bench.wait(0.5)
-    bench.taking_off()
-    assert bench.results == [("TakeOff", "accepted")]
-
-
-def test_a_refused_first_try_stays_refused_whatever_the_state_shows(bench: Bench) -> None:
-    bench.submit(REQUEST_TAKE_OFF)
-    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")  # it was airborne before
-    bench.taking_off()
-    bench.wait(1.0)
-    assert bench.results == [("TakeOff", "refused")]
-
-
-def test_a_refused_retry_is_refused_if_no_state_shows_otherwise(bench: Bench) -> None:
-    bench.submit(REQUEST_TAKE_OFF)
-    bench.wait(1.1)
-    bench.ack(MavCmd.NAV_TAKEOFF, "FAILED")
-    bench.text("not in this mode")
-    assert bench.outcomes == []
-    bench.wait(4.9)
-    assert bench.outcomes == []
-    bench.wait(1.1)
-    assert bench.results == [("TakeOff", "refused")]
-
-
-# --- Reasons ---------------------------------------------------------------------------
-
-
-def test_the_reason_may_come_before_the_refusal(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.text("Arm: first")
-    bench.text("Arm: Need Position Estimate")
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
-    assert bench.results == [("Arm", "refused")]
-    assert bench.outcomes[0].detail == "FAILED: Arm: Need Position Estimate"
-
-
-def test_the_reason_may_come_shortly_after_the_refusal(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
-    bench.wait(0.2)
-    assert bench.outcomes == []
-    bench.text("Arm: Need Position Estimate")
-    assert bench.outcomes[0].detail == "FAILED: Arm: Need Position Estimate"
-    assert bench.outcomes[0].received_s == 100.2
-
-
-def test_a_reason_is_waited_for_shortly_only(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
-    bench.wait(60.0)
-    assert bench.outcomes[0].detail == "FAILED"
-    assert bench.outcomes[0].received_s == 100.3
-
-
-def test_what_was_said_before_the_command_is_no_reason(bench: Bench) -> None:
-    bench.text("EKF3 IMU0 is using GPS")
-    bench.wait(0.1)
-    bench.submit(REQUEST_ARM)
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM, "FAILED")
-    bench.wait(1.0)
-    assert bench.outcomes[0].detail == "FAILED"
-
-
-def test_what_was_said_long_ago_is_no_reason(bench: Bench) -> None:
-    bench.submit(REQUEST_HOME)
-    bench.text("EKF3 IMU0 is using GPS")
-    bench.wait(2.1)
-    bench.ack(MavCmd.REQUEST_MESSAGE, "FAILED")
-    bench.wait(1.0)
-    assert bench.outcomes[0].detail == "FAILED"
-
-
-def test_a_text_does_not_end_a_command_that_was_not_refused(bench: Bench) -> None:
-    bench.submit(REQUEST_ARM)
-    bench.text("Arming motors")
-    bench.ack(MavCmd.COMPONENT_ARM_DISARM)
-    bench.text("Arming motors")
-    assert bench.outcomes == []
 
 
 # --- Asked again -----------------------------------------------------------------------

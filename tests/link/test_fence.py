@@ -8,12 +8,9 @@ from typing import Any
 import pytest
 
 from swarmctl.events import CommandOutcome, UploadFence
-from swarmctl.link.facts import Address
-from swarmctl.link.link import MavlinkLink
+from tests.link.bench import GCS, AnsweredBench
 from tests.link.wire import Sender, unpack
 
-AT = Address("10.0.0.1", 14550)
-GCS = 245
 FENCE, CIRCLE_IN = 1, 5003
 LAT_DEG, LON_DEG = 54.4321, -11.1987
 UPLOAD = UploadFence(
@@ -72,37 +69,20 @@ class Vehicle(Sender):
         return [message.get_type() for message in self.heard]
 
 
-class Bench:
-    """A link to one vehicle that answers at once, and a clock."""
+class Bench(AnsweredBench):
+    """A link to one vehicle that takes a fence."""
 
     def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle)
         self.vehicle = vehicle
-        self.link = MavlinkLink(gcs_sysid=GCS, vehicles=None)
-        self.now = 50.0
-        self.outcomes: list[CommandOutcome] = []
         self.receive(vehicle.heartbeat())
 
-    def receive(self, frame: bytes) -> None:
-        self.link.receive_datagram(frame, AT, self.now)
-        self.settle()
-
     def upload(self) -> None:
-        self.link.send(UPLOAD, self.now)
-        self.settle()
+        self.send(UPLOAD)
 
-    def settle(self) -> None:
-        self.outcomes += [e for e in self.link.events() if isinstance(e, CommandOutcome)]
-        for frame, _ in self.link.datagrams():
-            for answer in self.vehicle.answer(frame):
-                self.receive(answer)
-
-    def wait(self, seconds: float) -> None:
-        end = self.now + seconds
-        while self.link.next_timer() <= end:
-            self.now = self.link.next_timer()
-            self.link.handle_timer(self.now)
-            self.settle()
-        self.now = end
+    @property
+    def outcomes(self) -> list[CommandOutcome]:
+        return self.of(CommandOutcome)
 
     @property
     def results(self) -> list[tuple[str, str, str]]:

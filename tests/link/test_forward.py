@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from swarmctl.link import codec
 from swarmctl.link.facts import Address, Frame
 from swarmctl.link.forward import Forwarder
+from swarmctl.link.framing import split
 from tests.link.wire import Sender
 
 US = 245
@@ -15,7 +15,7 @@ AT_1, AT_2 = Address("10.0.0.1", 14550), Address("10.0.0.2", 14550)
 
 
 def frame(raw: bytes) -> Frame:
-    (found,), _ = codec.split(raw)
+    (found,), _ = split(raw)
     return found
 
 

@@ -9,12 +9,10 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
-from swarmctl.link.facts import Address
-from swarmctl.link.link import MavlinkLink
+from swarmctl.events import ParameterValue, ReadParameter, WriteParameter
+from tests.link.bench import AnsweredBench
 from tests.link.wire import Sender, unpack
 
-AT = Address("10.0.0.1", 14550)
 ARDUPILOT, PX4 = 3, 12
 INT32: int = mavlink.MAV_PARAM_TYPE_INT32
 REAL32: int = mavlink.MAV_PARAM_TYPE_REAL32
@@ -68,38 +66,17 @@ class Vehicle(Sender):
         return [m for m in self.heard if m.get_type() == kind]
 
 
-class Bench:
-    """A link to one vehicle that answers at once, and a clock."""
+class Bench(AnsweredBench):
+    """A link to one vehicle that has parameters."""
 
     def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle)
         self.vehicle = vehicle
-        self.link = MavlinkLink(gcs_sysid=245, vehicles=None)
-        self.now = 50.0
-        self.values: list[ParameterValue] = []
         self.receive(vehicle.heartbeat(autopilot=vehicle.autopilot))
 
-    def receive(self, frame: bytes, address: Address = AT) -> None:
-        self.link.receive_datagram(frame, address, self.now)
-        self.settle()
-
-    def send(self, *commands: Command) -> None:
-        for command in commands:
-            self.link.send(command, self.now)
-            self.settle()
-
-    def settle(self) -> None:
-        self.values += [e for e in self.link.events() if isinstance(e, ParameterValue)]
-        for frame, address in self.link.datagrams():
-            for answer in self.vehicle.answer(frame):
-                self.receive(answer, address)
-
-    def wait(self, seconds: float) -> None:
-        end = self.now + seconds
-        while self.link.next_timer() <= end:
-            self.now = self.link.next_timer()
-            self.link.handle_timer(self.now)
-            self.settle()
-        self.now = end
+    @property
+    def values(self) -> list[ParameterValue]:
+        return self.of(ParameterValue)
 
 
 def read(name: str) -> ReadParameter:

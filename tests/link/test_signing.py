@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.link import codec
-from swarmctl.link.codec import Encoder
+from swarmctl.link.encoding import Encoder
 from swarmctl.link.facts import CommandLong, Frame, MavCmd
+from swarmctl.link.framing import split
 from swarmctl.link.signing import EPOCH_UTC_S, MAX_AGE, UNITS_PER_S, Signing, timestamp_at
 from tests.link.wire import Sender
 
@@ -37,7 +37,7 @@ class Signer(Sender):
 
 
 def frame(raw: bytes) -> Frame:
-    (found,), faults = codec.split(raw)
+    (found,), faults = split(raw)
     assert faults == []
     return found
 
@@ -121,7 +121,7 @@ def test_no_byte_of_a_signed_frame_can_be_changed(place: int, flip: int) -> None
     """Header, payload, link id, timestamp or signature: the checksum or the signature tells."""
     raw = bytearray(Signer().heartbeat())
     raw[place % len(raw)] ^= flip
-    frames, _ = codec.split(bytes(raw))
+    frames, _ = split(bytes(raw))
     assert all(signing().check(found) is not None for found in frames)
 
 

@@ -1,4 +1,4 @@
-"""The other side of the wire, made and read with pymavlink or by hand, never with our codec."""
+"""The other side of the wire, made and read with pymavlink or by hand, never with our modules."""
 
 from __future__ import annotations
 

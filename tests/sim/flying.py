@@ -232,3 +232,9 @@ def truths(publications: Sequence[tuple[str, bytes]]) -> list[TruthMessage]:
         for topic, payload in publications
         if topic == "swarm/alpha/truth"
     ]
+
+
+def landed_state(station: Station) -> int:
+    """The MAV_LANDED_STATE that a vehicle says."""
+    message = station.request(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    return int(message.landed_state)

@@ -1,4 +1,4 @@
-"""Bytes to facts and commands to bytes, against pymavlink and against numbers worked by hand."""
+"""Frames to facts, against pymavlink and against numbers worked by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.events import (
-    GoTo,
     GpsFix,
     HomePosition,
     LandedState,
@@ -22,70 +21,20 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
-from swarmctl.link import codec
-from swarmctl.link.facts import (
-    CommandAck,
-    CommandLong,
-    Fact,
-    Fault,
-    Frame,
-    HeartbeatFact,
-    MavCmd,
-    MessageId,
-    PositionFact,
-)
-from tests.link.wire import Sender, frame_by_hand, unpack
+from swarmctl.link import decoding
+from swarmctl.link.facts import CommandAck, Fact, Fault, HeartbeatFact, MessageId, PositionFact
+from swarmctl.link.framing import split
+from tests.link.wire import Sender, frame_by_hand
 
 INT16 = st.integers(-32768, 32767)
 INT32 = st.integers(-(2**31), 2**31 - 1)
 
 
 def read(frame: bytes) -> Fact | Fault | None:
-    frames, faults = codec.split(frame)
+    frames, faults = split(frame)
     assert faults == []
     assert [found.raw for found in frames] == [frame]
-    return codec.read(frames[0], 5.0)
-
-
-def kinds(datagram: bytes) -> list[str]:
-    return [fault.kind for fault in codec.split(datagram)[1]]
-
-
-def known(datagram: bytes) -> list[bytes]:
-    return [
-        frame.raw for frame in codec.split(datagram)[0] if frame.message_id in mavlink.mavlink_map
-    ]
-
-
-# --- Names and numbers -----------------------------------------------------------------
-
-
-@pytest.mark.parametrize("command", MavCmd)
-def test_command_numbers_are_mavlinks(command: MavCmd) -> None:
-    assert getattr(mavlink, f"MAV_CMD_{command.name}") == command
-
-
-@pytest.mark.parametrize("message_id", MessageId)
-def test_message_numbers_are_mavlinks(message_id: MessageId) -> None:
-    assert mavlink.mavlink_map[message_id].msgname == message_id.name
-
-
-# --- Frames ----------------------------------------------------------------------------
-
-
-def test_header_of_both_versions() -> None:
-    sender = Sender(sysid=7, compid=9)
-    sender.mav.seq = 41
-    one = sender.pack_v1("ATTITUDE", roll=1.0)
-    two = sender.pack("ATTITUDE", roll=1.0)
-    frames, faults = codec.split(one + two)
-    assert faults == []
-    # MAVLink 1 carries the whole payload of 28 bytes, MAVLink 2 cuts trailing zeros.
-    payload = struct.pack("<If", 0, 1.0)
-    assert frames == [
-        Frame(one, 7, 9, 41, 30, payload + bytes(20)),
-        Frame(two, 7, 9, 42, 30, payload),
-    ]
+    return decoding.read(frames[0], 5.0)
 
 
 def test_a_frame_laid_out_by_hand() -> None:
@@ -100,42 +49,8 @@ def test_fields_of_a_newer_dialect_at_the_end_are_ignored() -> None:
     assert fact == LandedState(received_s=5.0, sysid=1, state="in_air")
 
 
-def test_a_signed_frame_is_taken_whole() -> None:
-    sender = Sender()
-    sender.mav.signing.secret_key = bytes(32)
-    sender.mav.signing.sign_outgoing = True
-    signed = sender.heartbeat()
-    plain = Sender().heartbeat()
-    assert len(signed) == len(plain) + 13
-    assert known(signed + plain) == [signed, plain]
-
-
-@given(st.lists(st.sampled_from(["HEARTBEAT", "ATTITUDE", "STATUSTEXT", "RAW_IMU"]), max_size=5))
-def test_every_message_of_a_datagram_is_found(names: list[str]) -> None:
-    sender = Sender()
-    frames = [
-        sender.pack(name, **({"text": b"x"} if name == "STATUSTEXT" else {})) for name in names
-    ]
-    assert known(b"".join(frames)) == frames
-
-
-def test_an_unknown_message_between_frames_counts_but_says_nothing() -> None:
-    unknown = frame_by_hand(99_999, b"new", 0, seq=3)
-    good = Sender().heartbeat()
-    frames, faults = codec.split(good + unknown + good)
-    assert [frame.raw for frame in frames] == [good, unknown, good]
-    assert faults == []
-    fault = codec.read(frames[1], 5.0)
-    assert isinstance(fault, Fault)
-    assert (fault.kind, frames[1].seq) == ("unknown_message", 3)
-    assert "99999" in fault.detail
-
-
 def test_a_message_nobody_needs_is_not_read() -> None:
     assert read(Sender().pack("RAW_IMU")) is None
-
-
-# --- Facts -----------------------------------------------------------------------------
 
 
 def test_heartbeat() -> None:
@@ -398,58 +313,12 @@ def test_command_ack_of_mavlink_1_names_no_target() -> None:
     assert read(frame) == CommandAck(400, "FAILED", 0)
 
 
-# --- Corrupt input ---------------------------------------------------------------------
-
-GOOD = Sender().pack("GLOBAL_POSITION_INT", time_boot_ms=1, lat=471_234_567, lon=82_345_678, hdg=9)
-OTHER = Sender(sysid=2).pack(
-    "ATTITUDE", time_boot_ms=77, roll=0.1, pitch=0.2, yaw=0.3, yawspeed=1.0
-)
-
-
-def test_kinds_of_faults() -> None:
-    assert kinds(b"") == ["not_mavlink"]
-    assert kinds(b"GET / HTTP/1.1") == ["not_mavlink"]
-    assert kinds(GOOD[:5]) == ["truncated"]
-    assert kinds(GOOD[:-1]) == ["truncated"]
-    assert kinds(b"\xfe\x09\x00") == ["truncated"]
-    assert kinds(GOOD[:-1] + bytes((GOOD[-1] ^ 1,))) == ["bad_crc"]
-    assert kinds(GOOD[:2] + b"\x04" + GOOD[3:]) == ["unsupported_flags"]
-    assert kinds(frame_by_hand(99_999, b"new", 0) + b"junk") == ["unknown_message"]
-
-
-def test_a_corrupt_stretch_is_one_fault() -> None:
-    assert kinds(b"\xfejunk\xfdjunk\xfejunk" + GOOD + b"\xfd") == ["truncated", "truncated"]
-
-
-@pytest.mark.parametrize("length", range(1, len(GOOD)))
-def test_the_part_behind_a_truncated_frame_is_taken(length: int) -> None:
-    assert known(OTHER + GOOD[:length] + OTHER) == [OTHER, OTHER]
-    assert known(OTHER + GOOD[:length]) == [OTHER]
-    assert known(OTHER) == [OTHER]
-
-
-@given(st.integers(0, len(GOOD) - 1), st.integers(1, 255))
-def test_the_parts_around_a_corrupt_byte_are_taken(place: int, mask: int) -> None:
-    corrupt = bytearray(GOOD)
-    corrupt[place] ^= mask
-    assert known(OTHER + corrupt + OTHER) == [OTHER, OTHER]
-
-
-@given(st.binary(max_size=400))
-def test_random_bytes_never_raise(data: bytes) -> None:
-    frames, faults = codec.split(data)
-    assert faults or frames
-    for frame in frames:
-        codec.read(frame, 0.0)
-    assert known(OTHER) == [OTHER]
-
-
 @given(st.sampled_from(sorted(mavlink.mavlink_map)), st.binary(max_size=255))
 def test_any_payload_under_a_right_checksum_never_raises(message_id: int, payload: bytes) -> None:
     frame = frame_by_hand(message_id, payload, mavlink.mavlink_map[message_id].crc_extra)
-    frames, faults = codec.split(frame)
+    frames, faults = split(frame)
     assert (len(frames), faults) == (1, [])
-    codec.read(frames[0], 0.0)
+    decoding.read(frames[0], 0.0)
 
 
 @pytest.mark.parametrize("message_id", MessageId)
@@ -460,126 +329,3 @@ def test_any_payload_of_a_message_we_read_never_raises(message_id: int, payload:
     if isinstance(fact, PositionFact):
         assert abs(fact.lat_rad) <= math.pi / 2
         assert abs(fact.lon_rad) <= math.pi
-
-
-def test_a_datagram_full_of_start_markers_is_given_up() -> None:
-    # Each marker could cost a checksum; a sound frame behind 30 of them is found, behind 3000 not.
-    assert known(b"\xfe" * 30 + GOOD) == [GOOD]
-    assert known(b"\xfe" * 3000 + GOOD) == []
-
-
-# --- Sending ---------------------------------------------------------------------------
-
-
-def test_our_heartbeat() -> None:
-    message = unpack(codec.Encoder(245).heartbeat())
-    assert message.get_type() == "HEARTBEAT"
-    assert (message.get_srcSystem(), message.get_srcComponent()) == (245, 190)
-    assert message.type == mavlink.MAV_TYPE_GCS
-    assert message.autopilot == mavlink.MAV_AUTOPILOT_INVALID
-
-
-def test_sequence_numbers_are_consecutive() -> None:
-    encoder = codec.Encoder(255)
-    assert [unpack(encoder.heartbeat()).get_seq() for _ in range(258)] == [*range(256), 0, 1]
-
-
-def test_command_long() -> None:
-    command = CommandLong(MavCmd.DO_SET_MODE, (1.0, 4.0))
-    message = unpack(codec.Encoder(255).command_long(7, command, 2))
-    assert message.get_type() == "COMMAND_LONG"
-    assert (message.target_system, message.target_component) == (7, 1)
-    assert (message.command, message.confirmation) == (176, 2)
-    params = [getattr(message, f"param{n}") for n in range(1, 8)]
-    assert params == [1.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-
-
-def goto(
-    *,
-    lat_rad: float = 0.8,
-    lon_rad: float = 0.1,
-    alt_amsl_m: float = 120.5,
-    velocity_enu: tuple[float, float, float] = (1.5, -2.5, 0.5),
-) -> GoTo:
-    return GoTo(
-        sysid=9, lat_rad=lat_rad, lon_rad=lon_rad, alt_amsl_m=alt_amsl_m, velocity_enu=velocity_enu
-    )
-
-
-def test_setpoint_with_numbers_worked_by_hand() -> None:
-    frame = codec.Encoder(255).setpoint(goto(lat_rad=math.pi / 4, lon_rad=-math.pi / 3), 12.3456)
-    assert frame is not None
-    message = unpack(frame)
-    assert message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
-    assert (message.target_system, message.target_component) == (9, 1)
-    assert message.time_boot_ms == 12_345
-    assert message.coordinate_frame == 5  # MAV_FRAME_GLOBAL_INT: altitude above mean sea level
-    assert message.type_mask == 3520
-    assert (message.lat_int, message.lon_int, message.alt) == (450_000_000, -600_000_000, 120.5)
-    assert (message.vx, message.vy, message.vz) == (-2.5, 1.5, -0.5)  # north, east, down
-    unused = (message.afx, message.afy, message.afz, message.yaw, message.yaw_rate)
-    assert unused == (0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-@given(
-    lat_deg=st.floats(-90.0, 90.0),
-    lon_deg=st.floats(-180.0, 180.0),
-    alt_amsl_m=st.floats(-500.0, 9000.0, width=32),
-    velocity_enu=st.tuples(*[st.floats(-30.0, 30.0, width=32)] * 3),
-)
-def test_every_setpoint_arrives_to_half_a_unit_of_the_wire(
-    lat_deg: float, lon_deg: float, alt_amsl_m: float, velocity_enu: tuple[float, float, float]
-) -> None:
-    command = goto(
-        lat_rad=math.radians(lat_deg),
-        lon_rad=math.radians(lon_deg),
-        alt_amsl_m=alt_amsl_m,
-        velocity_enu=velocity_enu,
-    )
-    frame = codec.Encoder(255).setpoint(command, 0.0)
-    assert frame is not None
-    message = unpack(frame)
-    assert message.lat_int == pytest.approx(lat_deg * 1e7, abs=0.5 + 1e-6)
-    assert message.lon_int == pytest.approx(lon_deg * 1e7, abs=0.5 + 1e-6)
-    assert message.alt == alt_amsl_m
-    assert (message.vy, message.vx, -message.vz) == velocity_enu
-
-
-def test_time_since_boot_wraps_as_on_the_wire() -> None:
-    frame = codec.Encoder(255).setpoint(goto(), 2**32 / 1000 + 1.0)
-    assert frame is not None
-    assert unpack(frame).time_boot_ms == 1000
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_a_setpoint_that_is_no_number_never_leaves(value: float) -> None:
-    encoder = codec.Encoder(255)
-    assert encoder.setpoint(goto(lat_rad=value), 0.0) is None
-    assert encoder.setpoint(goto(lon_rad=value), 0.0) is None
-    assert encoder.setpoint(goto(alt_amsl_m=value), 0.0) is None
-    for axis in range(3):
-        velocity = [0.0, 0.0, 0.0]
-        velocity[axis] = value
-        command = goto(velocity_enu=(velocity[0], velocity[1], velocity[2]))
-        assert encoder.setpoint(command, 0.0) is None
-    assert unpack(encoder.heartbeat()).get_seq() == 0
-
-
-# --- Whom a frame is for ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "message",
-    [m for m in mavlink.mavlink_map.values() if "target_system" in m.fieldnames],
-    ids=lambda m: m.msgname,
-)
-def test_the_target_of_every_message_that_has_one(message: Any) -> None:  # noqa: ANN401 - untyped
-    for target in (0, 201):
-        raw = Sender().pack(message.msgname, target_system=target)
-        (frame,), _ = codec.split(raw)
-        assert codec.target_of(frame) == target
-
-
-def test_a_message_without_a_target_is_for_everybody() -> None:
-    (frame,), _ = codec.split(Sender().heartbeat())
-    assert codec.target_of(frame) == 0

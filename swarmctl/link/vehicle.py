@@ -1,0 +1,180 @@
+"""One vehicle as the link knows it: what it says becomes observations, what it is told frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from swarmctl.events import (
+    Heartbeat,
+    HomePosition,
+    LandedState,
+    Mode,
+    Observation,
+    StatusText,
+    VehicleClock,
+    VehiclePosition,
+)
+from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
+from swarmctl.link.clock import BootClock, RoundTrips
+from swarmctl.link.encoding import Encoder
+from swarmctl.link.exchange import Exchange
+from swarmctl.link.facts import (
+    Address,
+    CommandAck,
+    Fact,
+    FenceFact,
+    HeartbeatFact,
+    MavCmd,
+    ParameterFact,
+    PositionFact,
+    TimeSyncAnswer,
+)
+from swarmctl.link.fence import FenceExchange
+from swarmctl.link.parameters import ParameterExchange, ReadPacket
+from swarmctl.link.statistics import LinkStatistics
+
+
+class Vehicle:
+    """What the link keeps about one vehicle.
+
+    Args:
+        sysid: Its system id.
+        address: Where it was heard first.
+        encoder: Writes our frames to that address.
+        now: Monotonic time, s.
+
+    Attributes:
+        sysid: As above.
+        address: Where it was last heard.
+        encoder: Writes our frames to that address.
+        heard_s: When it was last heard there, s.
+        rival: Another address from which its system id is heard; None without one.
+        rival_heard_s: When it was last heard there, s.
+        personality: Manners of its flight stack; None for what is not commanded.
+        home_alt_amsl_m: Altitude of its home, m; None while it is not known.
+        uid: Its hardware id; 0 while it is not known.
+        is_another: Whether another vehicle answers under its system id.
+        clock: Its time since boot against UTC.
+        round_trips: Its time since boot against ours.
+        statistics: Its messages and losses.
+        exchange: Commands under way.
+        parameters: Parameters under way.
+        fence: Fences under way.
+    """
+
+    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
+        self.sysid = sysid
+        self.address = address
+        self.encoder = encoder
+        self.heard_s = now
+        self.rival: Address | None = None
+        self.rival_heard_s = now
+        self.personality: Personality | None = None
+        self.home_alt_amsl_m: float | None = None
+        self.uid = 0
+        self.is_another = False
+        self.clock = BootClock()
+        self.round_trips = RoundTrips()
+        self.statistics = LinkStatistics(now)
+        self.exchange = Exchange(sysid)
+        self.parameters = ParameterExchange(sysid)
+        self.fence = FenceExchange(sysid)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due in its exchanges."""
+        self.exchange.handle_timer(now)
+        self.parameters.handle_timer(now)
+        self.fence.handle_timer(now)
+
+    def next_timer(self) -> float:
+        """When its exchanges are due."""
+        return min(
+            self.exchange.next_timer(), self.parameters.next_timer(), self.fence.next_timer()
+        )
+
+    def take(self, fact: Fact, now: float) -> Observation | None:
+        """Take what it says, and let those who wait for it know.
+
+        Args:
+            fact: What it says; an answer only if the question was ours.
+            now: Monotonic time, s.
+
+        Returns:
+            What there is to report; None for an answer.
+        """
+        match fact:
+            case PositionFact():
+                return VehiclePosition(
+                    received_s=now,
+                    sysid=self.sysid,
+                    boot_s=fact.boot_s,
+                    epoch_utc_s=self.clock.to_utc(fact.boot_s),
+                    lat_rad=fact.lat_rad,
+                    lon_rad=fact.lon_rad,
+                    alt_amsl_m=fact.alt_amsl_m,
+                    velocity_enu=fact.velocity_enu,
+                )
+            case HeartbeatFact():
+                heartbeat = self._heartbeat(fact, now)
+                self.exchange.on_state(heartbeat, now)
+                return heartbeat
+            case CommandAck():
+                self.exchange.on_ack(fact, now)
+            case TimeSyncAnswer():
+                self.round_trips.add(fact.asked_ns / 1e9, fact.boot_s, now)
+            case FenceFact():
+                self.fence.on_fact(fact, now)
+            case ParameterFact():
+                if self.personality is not None:
+                    bytewise = self.personality.BYTEWISE_PARAMETERS
+                    self.parameters.on_value(fact, now, bytewise=bytewise)
+            case _:
+                if isinstance(fact, LandedState):
+                    self.exchange.on_state(fact, now)
+                elif isinstance(fact, StatusText):
+                    self.exchange.on_text(fact.text, now)
+                elif isinstance(fact, VehicleClock):
+                    self.clock.update(fact.utc_s, fact.boot_s)
+                elif isinstance(fact, HomePosition):
+                    self.home_alt_amsl_m = fact.alt_amsl_m
+                return fact
+        return None
+
+    def _heartbeat(self, fact: HeartbeatFact, now: float) -> Heartbeat:
+        personality = PERSONALITIES.get(fact.autopilot) if fact.is_multirotor else None
+        self.personality = personality
+        if personality is not None:
+            mode, mode_name = personality.mode_of(fact.custom_mode)
+        else:
+            mode, mode_name = Mode.OTHER, str(fact.custom_mode)
+        return Heartbeat(
+            received_s=now,
+            sysid=self.sysid,
+            autopilot=fact.autopilot,
+            is_multirotor=fact.is_multirotor,
+            mode=mode,
+            mode_name=mode_name,
+            armed=fact.armed,
+            failsafe=fact.failsafe,
+            guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
+        )
+
+    def frames(self) -> Iterator[bytes]:
+        """Drain what its exchanges want to be sent: another vehicle is only asked who it is."""
+        for attempt in self.exchange.attempts():
+            if not self.is_another or attempt.command.command == MavCmd.REQUEST_MESSAGE:
+                yield self.encoder.command_long(self.sysid, attempt.command, attempt.confirmation)
+        for packet in self.parameters.packets():
+            if self.is_another:
+                continue
+            if isinstance(packet, ReadPacket):
+                yield self.encoder.param_request_read(self.sysid, packet.name)
+            else:
+                yield self.encoder.param_set(self.sysid, packet.name, packet.raw, packet.kind)
+        for plan_packet in self.fence.packets():
+            if not self.is_another:
+                yield self.encoder.plan(self.sysid, plan_packet)
+
+    def outcomes(self) -> list[Observation]:
+        """Drain what its exchanges have come to."""
+        return [*self.exchange.outcomes(), *self.parameters.values(), *self.fence.outcomes()]
