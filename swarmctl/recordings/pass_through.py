@@ -234,7 +234,7 @@ def track(
             )
         try:
             best = found.estimates()[0] if found.update(rows) else None
-        except EstimationError:  # numbers beyond float64: as far from the truth as can be
+        except (EstimationError, np.linalg.LinAlgError):  # no finite result: begin again
             best, failed = None, True
         else:
             failed = found.verdict.status == "diverged"

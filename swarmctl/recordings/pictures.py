@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from swarmctl.estimation.arguments import Array
 from swarmctl.recordings.recording import Receivers
@@ -40,11 +41,14 @@ def _track(series: Series, receivers: Receivers) -> Figure:
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     above, height = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     label = "receivers"
+    names: dict[tuple[float, float], list[str]] = {}
     for name, path in zip(receivers.names, receivers.paths, strict=True):
         east, north, _ = path.positions.T
         above.plot(east, north, color=_INK, lw=0.8, marker="^", ms=6, markevery=[-1], label=label)
-        above.annotate(name, (east[-1], north[-1]), xytext=(5, 4), textcoords="offset points")
+        names.setdefault((float(east[-1]), float(north[-1])), []).append(name)
         label = "_"
+    for place, together in names.items():
+        above.annotate(", ".join(together), place, xytext=(5, 4), textcoords="offset points")
     known = np.isfinite(series.nees)
     east, north, up = series.x[:, :3].T
     above.plot(east, north, color=_ESTIMATE, lw=0.9, label="estimate")
@@ -89,6 +93,8 @@ def _log_scale(axes: Axes, values: Array) -> None:
     if (values > 0.0).any():
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.grid(visible=True, which="minor", axis="y", color="#eef0f2", lw=0.5)
 
 
 def _dress(axes: Axes, title: str) -> None:
