@@ -21,6 +21,7 @@ ALLOWED: dict[str, set[str]] = {
     "swarmctl.link": COMMON,
     "swarmctl.feed": COMMON,
     "swarmctl.recorder": COMMON | {"swarmctl.estimation"},
+    "swarmctl.recordings": {"swarmctl.errors", "swarmctl.estimation"},
     "swarmctl.ops": COMMON
     | {
         "swarmctl.estimation",
@@ -31,7 +32,13 @@ ALLOWED: dict[str, set[str]] = {
         "sim",
     },
     "swarmctl.cli": COMMON
-    | {"swarmctl.formation", "swarmctl.mission", "swarmctl.ops", "sim.study"},
+    | {
+        "swarmctl.formation",
+        "swarmctl.mission",
+        "swarmctl.ops",
+        "swarmctl.recordings",
+        "sim.study",
+    },
     "sim": {"swarmctl.frames", "swarmctl.feed.schema"},
     "sim.study": {
         "sim",

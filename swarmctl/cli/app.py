@@ -18,6 +18,7 @@ from swarmctl.cli import study
 from swarmctl.cli.console import Reporter, print_summary
 from swarmctl.cli.design import design
 from swarmctl.cli.missions import find_mission
+from swarmctl.cli.track import track
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.mission.loading import load_mission
 from swarmctl.ops import outcome
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 
 app.command()(design)
+app.command()(track)
 app.add_typer(study.app, name="study")
 
 MissionArgument = Annotated[

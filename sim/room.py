@@ -1,0 +1,105 @@
+"""A recording of an emitter in a room: eight receivers in its corners, pairs taken in turn.
+
+What a radio (UWB) system does to a range difference: white noise, multipath whose error is
+correlated over half a second, and gross outliers. The files have the columns that
+``swarmctl track`` reads; ``python -m sim.room DIRECTORY`` writes the ones that the tests use.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from sim.noise import generator
+
+SIZE_M = (7.0, 8.0, 3.0)
+RATE_HZ = 200.0
+SIGMA_M = 0.1
+"""White 1-sigma of a range difference."""
+COLOUR_M, TAU_S = 0.2, 0.5
+"""1-sigma of its correlated error, and the correlation time."""
+OUTLIERS = 0.15
+FARTHEST_M = 150.0
+"""Share of gross outliers, and how large they get."""
+_TRUTH_HZ = 20.0
+
+
+class Room(NamedTuple):
+    """The contents of three files.
+
+    Attributes:
+        receivers: ``receiver,east_m,north_m,up_m``.
+        measurements: ``time_s,receiver_i,receiver_j,rd_m``.
+        truth: ``time_s,east_m,north_m,up_m``.
+    """
+
+    receivers: str
+    measurements: str
+    truth: str
+
+
+def emitter(t: float) -> tuple[float, float, float]:
+    """Where the emitter is at a time: on the floor for a second, then it takes off."""
+    away = 1.0 - math.exp(-0.3 * max(t - 1.0, 0.0) ** 2)
+    return (
+        3.5 + away * 2.2 * math.sin(0.7 * (t - 1.0)),
+        4.0 + away * 2.5 * math.sin(0.5 * (t - 1.0)),
+        0.1 + away * (1.2 + 0.6 * math.sin(0.4 * t)),
+    )
+
+
+def record(seed: int, duration_s: float) -> Room:
+    """Record an emitter that flies about the room.
+
+    Args:
+        seed: Of all errors.
+        duration_s: Length, s.
+    """
+    rng = generator(seed, "room")
+    width, depth, height = SIZE_M
+    corners = [(x, y, z) for x in (0.0, width) for y in (0.0, depth) for z in (0.2, height - 0.2)]
+    names = [f"{place}{level}" for place in ("sw", "nw", "se", "ne") for level in ("-low", "-top")]
+    sigma = COLOUR_M / math.sqrt(2.0)
+    keep = math.exp(-1.0 / (RATE_HZ * TAU_S))
+    colour = sigma * rng.standard_normal(len(corners))
+    rows = []
+    for k in range(round(duration_s * RATE_HZ)):
+        t = k / RATE_HZ
+        i, j = k % len(corners), (k + 1 + int(rng.integers(len(corners) - 1))) % len(corners)
+        e = emitter(t)
+        rd = math.dist(e, corners[j]) + colour[j] - math.dist(e, corners[i]) - colour[i]
+        rd += SIGMA_M * rng.standard_normal()
+        if rng.random() < OUTLIERS:
+            rd += rng.choice((-1.0, 1.0)) * rng.uniform(1.0, FARTHEST_M)
+        rows.append(f"{t:.3f},{names[i]},{names[j]},{rd:.3f}")
+        refreshed = math.sqrt(1.0 - keep * keep) * sigma
+        colour = keep * colour + refreshed * rng.standard_normal(len(corners))
+    truth = [
+        "{:.2f},{:.4f},{:.4f},{:.4f}".format(k / _TRUTH_HZ, *emitter(k / _TRUTH_HZ))
+        for k in range(round(duration_s * _TRUTH_HZ) + 1)
+    ]
+    receivers = [
+        f"{name},{x:g},{y:g},{z:g}" for name, (x, y, z) in zip(names, corners, strict=True)
+    ]
+    return Room(
+        _file("receiver,east_m,north_m,up_m", receivers),
+        _file("time_s,receiver_i,receiver_j,rd_m", rows),
+        _file("time_s,east_m,north_m,up_m", truth),
+    )
+
+
+def write(room: Room, directory: Path) -> None:
+    """Write a recording as ``receivers.csv``, ``measurements.csv`` and ``truth.csv``."""
+    directory.mkdir(parents=True, exist_ok=True)
+    for name, content in room._asdict().items():
+        (directory / f"{name}.csv").write_text(content, encoding="utf-8")
+
+
+def _file(header: str, rows: list[str]) -> str:
+    return "\n".join([header, *rows]) + "\n"
+
+
+if __name__ == "__main__":
+    write(record(0, 20.0), Path(sys.argv[1]))

@@ -1,0 +1,252 @@
+"""One pass through a recording: epochs in, the estimate after each out. Streams; no I/O."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from swarmctl.errors import EstimationError, UsageError
+from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.augmented import Rows
+from swarmctl.estimation.estimator import Estimate, Estimator
+from swarmctl.estimation.health import Status, Verdict
+from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.recordings.plain_ekf import PlainEkf
+from swarmctl.recordings.recording import Epoch, Receivers, rows_of
+
+_APERTURES = 2.0
+"""1-sigma of the prior per axis, where none is given, in distances of the outermost receiver
+from their middle: wide enough for an emitter in their midst or a few apertures away."""
+_SURE = 1.96
+"""Sigmas within which a normal number is with 95 %."""
+_HEIGHT_SIGMA_M = 0.01
+_CLIMB_SIGMA_MPS = 1e-3
+"""1-sigma of a height that is known, and of its rate of change."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is assumed of a recording.
+
+    Attributes:
+        sigma_m: White 1-sigma of a range difference (RD) that brings none of its own.
+        colour_m: 1-sigma of an RD's correlated error (multipath); 0 for none.
+        tau_s: Its correlation time.
+        rho: Share of an RD's white variance that each of its two arrivals has, 0 to ½.
+        clock_bias_m: 1-sigma of a receiver's clock; 0 for good clocks.
+        clock_drift_mps: 1-sigma of its drift.
+        navigation_m: 1-sigma of the receivers' positions per axis; 0 for exact ones.
+        navigation_tau_s: Its correlation time.
+        process_noise: Spectral density of the emitter's acceleration per axis, m²/s³.
+        speed_mps: 1-sigma of its velocity at the beginning per axis.
+        at: Where it is at the beginning, (east, north, up), m; None for the middle of the
+            receivers.
+        within_m: 95 % sure within so many metres of there along each axis; None for four times
+            the distance of the outermost receiver from their middle.
+        height_m: Known height of the emitter, m; None for one that is estimated.
+
+    Raises:
+        UsageError: A number is outside its interval.
+    """
+
+    sigma_m: float = 0.1
+    colour_m: float = 0.2
+    tau_s: float = 0.5
+    rho: float = 0.5
+    clock_bias_m: float = 0.0
+    clock_drift_mps: float = 0.0
+    navigation_m: float = 0.0
+    navigation_tau_s: float = 60.0
+    process_noise: float = 0.5
+    speed_mps: float = 1.0
+    at: tuple[float, float, float] | None = None
+    within_m: float | None = None
+    height_m: float | None = None
+
+    def __post_init__(self) -> None:
+        above_0 = ["sigma_m", "tau_s", "navigation_tau_s", "speed_mps"]
+        if self.within_m is not None:
+            above_0.append("within_m")
+        # Written so that NaN fails too.
+        for name in above_0:
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise UsageError(f"{name} must be above 0, not {getattr(self, name):g}.")
+        for name in (
+            "colour_m",
+            "clock_bias_m",
+            "clock_drift_mps",
+            "navigation_m",
+            "process_noise",
+        ):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise UsageError(f"{name} must be 0 or above, not {getattr(self, name):g}.")
+        if self.clock_drift_mps > 0.0 and self.clock_bias_m == 0.0:
+            raise UsageError("A clock that drifts has a bias: clock_bias_m must be above 0.")
+        if not 0.0 <= self.rho <= 0.5:
+            raise UsageError(f"rho must be from 0 to 0.5, not {self.rho:g}.")
+        if self.height_m is not None and not math.isfinite(self.height_m):
+            raise UsageError(f"height_m must be a finite number, not {self.height_m:g}.")
+
+    @property
+    def errors(self) -> ReceiverErrors:
+        """The receivers' error model."""
+        return ReceiverErrors(
+            bias_m=self.clock_bias_m,
+            drift_mps=self.clock_drift_mps,
+            navigation_m=self.navigation_m,
+            navigation_tau_s=self.navigation_tau_s,
+            colour_m=self.colour_m / math.sqrt(2.0),  # two arrivals make a range difference
+            colour_tau_s=self.tau_s,
+        )
+
+    @property
+    def dof(self) -> int:
+        """Axes of the position that are estimated: those of the NEES."""
+        return 3 if self.height_m is None else 2
+
+    @property
+    def psd(self) -> tuple[float, float, float]:
+        """Process noise of the three axes."""
+        return self.process_noise, self.process_noise, self.process_noise * (self.dof == 3)
+
+
+class Filter(Protocol):
+    """What tracks: :class:`~swarmctl.estimation.estimator.Estimator` and what is like it."""
+
+    verdict: Verdict
+    used: int
+    aside: int
+
+    def update(self, rows: Rows) -> bool:
+        """Take the rows of an epoch; is there an estimate?"""
+
+    def estimates(self) -> list[Estimate]:
+        """What is known, the most probable first."""
+
+    def restart(self, prior: Prior) -> None:
+        """Begin again."""
+
+
+FILTERS: dict[str, Callable[[Prior, Settings], Filter]] = {
+    "tracker": lambda prior, settings: Estimator(prior, settings.errors, settings.psd),
+    "ekf": lambda prior, settings: PlainEkf(prior, settings.psd),
+}
+"""What can track, by name."""
+
+
+class Step(NamedTuple):
+    """The estimate after an epoch.
+
+    Attributes:
+        epoch_s: s.
+        x: Position and velocity, (6,), SI; None while there is no estimate.
+        P: Its covariance, (6, 6).
+        nis: Mean squared whitened innovation of the last three seconds: 1 is right.
+        status: Health.
+    """
+
+    epoch_s: float
+    x: Array | None
+    P: Array
+    nis: float
+    status: Status
+
+
+@dataclass
+class Counts:
+    """What became of the measurements.
+
+    Attributes:
+        epochs: With at least one that could be used.
+        unplaced: Left out because a receiver's position is not recorded at that time.
+        restarts: How often the track was begun again after it had diverged.
+        used: Used.
+        aside: Set aside as echoes.
+    """
+
+    epochs: int = 0
+    unplaced: int = 0
+    restarts: int = 0
+    used: int = 0
+    aside: int = 0
+
+
+def prior_of(settings: Settings, receivers_at: Array) -> Prior:
+    """What is known of the emitter before the first measurement.
+
+    Args:
+        settings: With a prior, or without.
+        receivers_at: Positions, (R, 3), m.
+    """
+    middle = receivers_at.mean(0)
+    aperture = float(np.sqrt(((receivers_at - middle) ** 2).sum(-1)).max())
+    if settings.within_m is None:
+        sigma = _APERTURES * max(aperture, 1e-3)
+    else:
+        sigma = settings.within_m / _SURE
+    mean = np.zeros(6)
+    mean[:3] = middle if settings.at is None else settings.at
+    sigmas = np.array([sigma] * 3 + [settings.speed_mps] * 3)
+    if settings.height_m is not None:
+        mean[2] = settings.height_m
+        sigmas[2], sigmas[5] = _HEIGHT_SIGMA_M, _CLIMB_SIGMA_MPS
+    return Prior(mean, np.diag(sigmas**2))
+
+
+def track(
+    name: str, settings: Settings, receivers: Receivers, epochs: Iterable[Epoch], counts: Counts
+) -> Iterator[Step]:
+    """Track the emitter through a recording.
+
+    A track that has diverged is begun again, with no prior but the receivers' middle.
+
+    Args:
+        name: One of :data:`FILTERS`.
+        settings: What is assumed.
+        receivers: Who measured.
+        epochs: What, in the order of time; read as they are needed.
+        counts: Kept up to date.
+
+    Raises:
+        UsageError: There is no such filter.
+    """
+    if name not in FILTERS:
+        raise UsageError(f"There is no filter {name!r}; there are {', '.join(FILTERS)}.")
+    found: Filter | None = None
+    anywhere: Prior | None = None
+    for epoch in epochs:
+        rows, unplaced = rows_of(epoch, receivers, settings.rho)
+        counts.unplaced += unplaced
+        if rows is None:
+            continue
+        counts.epochs += 1
+        if found is None or anywhere is None:
+            places = [path.at(epoch.epoch_s) for path in receivers.paths]
+            at = np.stack([place for place in places if place is not None])
+            found = FILTERS[name](prior_of(settings, at), settings)
+            anywhere = prior_of(
+                Settings(speed_mps=settings.speed_mps, height_m=settings.height_m), at
+            )
+        try:
+            best = found.estimates()[0] if found.update(rows) else None
+        except (EstimationError, np.linalg.LinAlgError):  # no finite result: begin again
+            best, failed = None, True
+        else:
+            failed = found.verdict.status == "diverged"
+        counts.used, counts.aside = found.used, found.aside
+        verdict = found.verdict
+        yield Step(
+            epoch.epoch_s,
+            None if best is None else best.x,
+            np.zeros((6, 6)) if best is None else best.P,
+            verdict.nis,
+            verdict.status,
+        )
+        if failed:
+            counts.restarts += 1
+            found.restart(anywhere)

@@ -1,0 +1,193 @@
+"""Recordings of a room and of a swarm, tracked from end to end."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from sim.room import COLOUR_M, SIGMA_M, TAU_S
+from swarmctl.errors import UsageError
+from swarmctl.estimation.consistency import nees
+from swarmctl.recordings.pass_through import Counts, Settings, Step, prior_of, track
+from swarmctl.recordings.recording import (
+    Epoch,
+    Measurement,
+    Path3D,
+    Receivers,
+    read_epochs,
+    read_receivers,
+    read_truth,
+)
+from swarmctl.recordings.verdict import Judged
+
+ROOM = Path(__file__).parent / "room"
+
+
+def tracked(name: str, settings: Settings, until_s: float = math.inf) -> dict[str, object]:
+    receivers = read_receivers(ROOM / "receivers.csv")
+    epochs = read_epochs(ROOM / "measurements.csv", receivers, settings.sigma_m)
+    judged, counts = Judged(settings.dof, read_truth(ROOM / "truth.csv")), Counts()
+    some = (epoch for epoch in epochs if epoch.epoch_s <= until_s)
+    for step in track(name, settings, receivers, some, counts):
+        judged.add(step)
+    found = judged.summary(counts, 1.0)
+    sigma = judged.series().sigma
+    return {**found, "claimed_m": float(np.sqrt(np.mean(sigma**2)))}
+
+
+def snapshot_sigma_m() -> float:
+    """Position 1-sigma of all eight arrivals at one time in the middle of the room.
+
+    Each with the coloured error, which averaging over less than its correlation time leaves,
+    and the white one, which it does not.
+    """
+    receivers = read_receivers(ROOM / "receivers.csv")
+    at = np.stack([path.positions[0] for path in receivers.paths])
+    sight = np.array([3.5, 4.0, 1.0]) - at
+    H = sight / np.linalg.norm(sight, axis=1)[:, None]
+    H = H - H.mean(0)  # of the differences: the common time of emission is unknown
+    variance = 0.5 * (COLOUR_M**2 + SIGMA_M**2)
+    return math.sqrt(float(np.trace(np.linalg.inv(H.T @ H))) * variance)
+
+
+def test_a_room_with_echoes_is_tracked_from_the_floor_and_honestly() -> None:
+    """Defaults, no prior; 15 % of the rows are up to 150 m off, the rest correlated.
+
+    20 s have some ``20 / (2 tau)`` independent errors. Their mean NEES is chi-squared with 3
+    degrees of freedom each, and their mean squared error, mostly of the height, with 1: bounds
+    met by 999 of 1000 seeds.
+    """
+    found = tracked("tracker", Settings())
+    independent = round(20.0 / (2.0 * TAU_S))
+    low, high = (chi2.ppf(p, 3 * independent) / independent for p in (0.001, 0.999))
+    rmse, claimed, mean_nees = found["rmse_m"], found["claimed_m"], found["mean_nees"]
+    assert isinstance(rmse, float)
+    assert isinstance(claimed, float)
+    assert isinstance(mean_nees, float)
+    assert low < mean_nees < high
+    assert claimed < snapshot_sigma_m()
+    assert rmse < claimed * math.sqrt(chi2.ppf(0.999, independent) / independent)
+    assert found["share_lost"] == 0.0
+    assert found["restarts"] == 0
+    first_s = found["first_estimate_s"]
+    assert isinstance(first_s, float)
+    assert first_s < 2.0
+    # 4000 rows: the share of outliers, less those too small to tell, and one row in 10^4.
+    rejected = found["share_rejected"]
+    assert isinstance(rejected, float)
+    spread = 3.3 * math.sqrt(0.15 * 0.85 / 4000.0)
+    assert 0.15 * (1.0 - 6.0 * math.hypot(SIGMA_M, COLOUR_M) / 150.0) - spread < rejected
+    assert rejected < 0.15 + spread
+
+
+def test_who_takes_the_errors_for_white_believes_too_much() -> None:
+    """The same EKF from the true start: mean NEES beyond what chance allows by far."""
+    start = Settings(at=(3.5, 4.0, 0.1), within_m=0.5, sigma_m=math.hypot(SIGMA_M, COLOUR_M))
+    found = tracked("ekf", start, until_s=8.0)
+    mean_nees = found["mean_nees"]
+    assert isinstance(mean_nees, float)
+    assert mean_nees > chi2.ppf(0.999, 3 * 8) / 8
+
+
+# --- Receivers that move -----------------------------------------------------------------
+
+EMITTER = np.array([1800.0, 900.0, 40.0])
+
+
+TIMES = np.arange(0.0, 41.0)
+
+
+def flown(begin: tuple[float, float], phase: float) -> Path3D:
+    """Eastwards at 20 m/s, weaving."""
+    north = begin[1] + 60.0 * np.sin(0.2 * TIMES + phase)
+    return Path3D(
+        TIMES, np.column_stack([begin[0] + 20.0 * TIMES, north, np.full(TIMES.size, 120.0)])
+    )
+
+
+def flight(seed: int) -> tuple[Receivers, list[Epoch]]:
+    """Four UAVs that fly past, recorded once a second; a star of pairs ten times a second."""
+    rng = np.random.default_rng(seed)
+    begins = [(0.0, 0.0), (0.0, 300.0), (0.0, -300.0), (-200.0, 50.0)]
+    paths = tuple(flown(begin, float(k)) for k, begin in enumerate(begins))
+    epochs = []
+    for t in np.arange(0.0, 40.0, 0.1).tolist():
+        at = np.column_stack(
+            [[np.interp(t, TIMES, axis) for axis in path.positions.T] for path in paths]
+        ).T
+        arrival = np.linalg.norm(EMITTER - at, axis=1)
+        arrival = arrival + 0.5 / math.sqrt(2.0) * rng.standard_normal(4)
+        rows = tuple(Measurement(0, j, float(arrival[j] - arrival[0]), 0.5) for j in (1, 2, 3))
+        epochs.append(Epoch(t, rows))
+    return Receivers(("a", "b", "c", "d"), paths), epochs
+
+
+SWARM = Settings(
+    colour_m=0.0, process_noise=0.0, speed_mps=1.0, height_m=40.0, at=(1000.0, 0.0, 0.0),
+    within_m=4000.0,
+)  # fmt: skip
+
+
+def last(receivers: Receivers, epochs: list[Epoch], counts: Counts) -> Step:
+    return list(track("tracker", SWARM, receivers, epochs, counts))[-1]
+
+
+def test_receivers_that_move_find_an_emitter_of_known_height() -> None:
+    forms, errors = [], []
+    for seed in range(6):
+        end = last(*flight(seed), Counts())
+        assert end.x is not None
+        assert end.x[2] == pytest.approx(EMITTER[2], abs=0.1)
+        error = end.x[:2] - EMITTER[:2]
+        forms.append(float(nees(error, end.P[:2, :2])))
+        errors.append(float(np.trace(end.P[:2, :2])))
+    assert chi2.ppf(0.001, 12) < sum(forms) < chi2.ppf(0.999, 12)
+    assert max(errors) < 5.0**2
+
+
+def test_rows_of_a_receiver_whose_position_ends_are_left_out_and_counted() -> None:
+    counts = Counts()
+    receivers, epochs = flight(0)
+    short = Path3D(TIMES[:21], receivers.paths[3].positions[:21])
+    end = last(Receivers(receivers.names, (*receivers.paths[:3], short)), epochs, counts)
+    assert counts.unplaced == 199  # one row in each of the epochs after 20 s
+    assert counts.epochs == 400
+    assert end.x is not None
+    error = end.x[:2] - EMITTER[:2]
+    assert nees(error, end.P[:2, :2]) < chi2.ppf(0.999, 2)
+
+
+# --- What is assumed ---------------------------------------------------------------------
+
+
+def test_the_prior_is_amid_the_receivers_unless_it_is_given() -> None:
+    corners = np.array([[0.0, 0.0, 1.0], [6.0, 8.0, 1.0]])
+    free = prior_of(Settings(), corners)
+    assert free.mean[:3] == pytest.approx([3.0, 4.0, 1.0])
+    assert free.covariance[0, 0] == pytest.approx(10.0**2)
+    given = prior_of(Settings(at=(1.0, 2.0, 3.0), within_m=1.96, height_m=5.0), corners)
+    assert given.mean[:3] == pytest.approx([1.0, 2.0, 5.0])
+    assert given.covariance[0, 0] == pytest.approx(1.0)
+    assert given.covariance[2, 2] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"sigma_m": 0.0}, "sigma_m must be above 0"),
+        ({"tau_s": math.nan}, "tau_s must be above 0"),
+        ({"within_m": -1.0}, "within_m must be above 0"),
+        ({"colour_m": -0.1}, "colour_m must be 0 or above"),
+        ({"process_noise": math.inf}, "process_noise must be 0 or above"),
+        ({"rho": 0.6}, "rho must be from 0 to 0.5"),
+        ({"height_m": math.nan}, "height_m must be a finite number"),
+        ({"clock_drift_mps": 0.1}, "clock_bias_m must be above 0"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(wrong: dict[str, float], sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence):
+        Settings(**wrong)  # type: ignore[arg-type]
