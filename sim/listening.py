@@ -8,7 +8,7 @@ than real time are measured in their time, without being asked for the factor.
 from __future__ import annotations
 
 import math
-from collections import deque
+from bisect import bisect_left, insort
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -25,6 +25,8 @@ TRUTH_PERIOD_S = 0.5
 _HISTORY_S = 3.0
 """Reports are kept this long; one that is older than its vehicle's newest by more than this
 shows that the vehicle's clock was set back."""
+_PATIENCE_S = 10.0
+"""A receiver is complained about once its vehicle's reports have come too late for this long."""
 _LEAP_S = 5.0
 """A clock that goes ahead or back by more than this was set; no burst was missed meanwhile."""
 
@@ -46,7 +48,7 @@ class _Track:
 
     def __init__(self) -> None:
         self.boot_utc_s: float | None = None
-        self._reports: deque[Report] = deque()
+        self._reports: list[Report] = []
 
     @property
     def newest_s(self) -> float:
@@ -54,19 +56,19 @@ class _Track:
         return self._reports[-1].utc_s if self._reports else -math.inf
 
     def add(self, report: Report) -> None:
-        """Keep a report; one that was overtaken on its way is dropped."""
+        """Keep a report, in whatever order they come."""
         if report.utc_s < self.newest_s - _HISTORY_S:
             self._reports.clear()
-        if report.utc_s > self.newest_s:
-            self._reports.append(report)
-            while self._reports[0].utc_s < report.utc_s - _HISTORY_S:
-                self._reports.popleft()
+        insort(self._reports, report)
+        del self._reports[: bisect_left(self._reports, (self.newest_s - _HISTORY_S,))]
 
     def hearing_at(self, epoch_s: float) -> Vector | None:
         """Where it was at an epoch (UTC s); None if it heard nothing there, or is not known."""
-        if not self._reports:
+        after = bisect_left(self._reports, (epoch_s,))
+        around = self._reports[max(0, after - 1) : after + 1]
+        if not around:
             return None
-        nearest = min(reversed(self._reports), key=lambda report: abs(epoch_s - report.utc_s))
+        nearest = min(around, key=lambda report: abs(epoch_s - report.utc_s))
         since_s = epoch_s - nearest.utc_s
         if not nearest.hears or abs(since_s) > REACH_S:
             return None
@@ -100,7 +102,7 @@ class Listening:
         self._truth_s = -math.inf
         self._publications: list[Publication] = []
         self._complaints: list[str] = []
-        self._apart: set[int] = set()
+        self._punctual_s: dict[int, float] = {}
 
     def receive(self, datagram: bytes) -> None:
         """Take a datagram of anybody's: what no autopilot of the swarm sent is ignored."""
@@ -125,7 +127,7 @@ class Listening:
         return publications
 
     def complaints(self) -> list[str]:
-        """Sentences since the last call, one for each vehicle whose clock keeps it from hearing."""
+        """Sentences since the last call: vehicles whose clocks keep their receivers from hearing."""
         complaints, self._complaints = self._complaints, []
         return complaints
 
@@ -144,8 +146,11 @@ class Listening:
 
     def _compare_clocks(self, sysid: int, utc_s: float) -> None:
         behind_s = max(track.newest_s for track in self._tracks.values()) - utc_s
-        if behind_s > REACH_S and sysid not in self._apart:
-            self._apart.add(sysid)
+        punctual_s = self._punctual_s.setdefault(sysid, utc_s)
+        if behind_s <= REACH_S:
+            self._punctual_s[sysid] = utc_s
+        elif utc_s > punctual_s + _PATIENCE_S:
+            self._punctual_s[sysid] = math.inf
             self._complaints.append(
                 f"The clock of UAV {sysid} (SYSTEM_TIME) is {behind_s:.1f} s behind the first "
                 f"one's: its receiver hears nothing. Start the simulated vehicles together, so "

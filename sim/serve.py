@@ -25,6 +25,9 @@ On a machine too slow for its speed-up the simulation then slows down, instead o
 sockets ever less often.
 """
 
+RECEIVE_BUFFER = 1 << 22
+"""Bytes asked of the system for what is heard and not yet read; it may give less."""
+
 # paho leaves Nagle's algorithm on, which holds back small messages until the last one is
 # acknowledged: up to 40 ms, or almost a second at a speed-up of 20.
 _NO_DELAY = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -108,6 +111,12 @@ class _Listener(asyncio.DatagramProtocol):
 
     def __init__(self, listening: Listening) -> None:
         self._listening = listening
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        # At a speed-up a moment's absence is seconds of everybody's reports.
+        transport.get_extra_info("socket").setsockopt(
+            socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER
+        )
 
     def datagram_received(self, data: bytes, addr: tuple[str | int, int]) -> None:
         self._listening.receive(data)
