@@ -32,8 +32,7 @@ _LEAP_S = 5.0
 
 
 class Report(NamedTuple):
-    """Where a vehicle was at a UTC (s): position (m) and velocity (m/s), ENU, and whether it is
-    high enough to hear."""
+    """Where a vehicle was at a UTC (s), ENU (m, m/s), and whether it was high enough to hear."""
 
     utc_s: float
     position_enu: Vector
@@ -127,7 +126,7 @@ class Listening:
         return publications
 
     def complaints(self) -> list[str]:
-        """Sentences since the last call: vehicles whose clocks keep their receivers from hearing."""
+        """Sentences since the last call: vehicles whose clocks keep them from hearing."""
         complaints, self._complaints = self._complaints, []
         return complaints
 

@@ -14,13 +14,16 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from sim.listening import Listening
+from sim.world import World
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
 from swarmctl.link.endpoints.udp import open_udp
 from swarmctl.link.facts import Address
 from swarmctl.mission.loading import load_mission, parse_mission
 from swarmctl.ops.live import fly
-from swarmctl.ops.simulation import serve_receivers_of, simulated
+from swarmctl.ops.simulation import serve_receivers_of, sim_config, simulated
+from swarmctl.ops.station import Station
 from tests.brokers import free_port
 from tests.link.endpoints.test_udp import LOOPBACK
 from tests.link.wire import unpack
@@ -37,6 +40,8 @@ BRIEF: dict[str, object] = {
     "goal__orbit_s": 5,
     "feed__timeout_s": 60,
 }
+UTC0 = 1_790_000_000.0
+STEP_S = 0.02
 HEARTBEAT, POSITION = dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 
 
@@ -52,6 +57,49 @@ class Witness:
 
     def last(self, sysid: int, message: int) -> Any:  # noqa: ANN401 - pymavlink is untyped
         return unpack(self._last[sysid, message])
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "publish"), [("ardupilot", "range_differences"), ("px4", "arrival_times")]
+)
+def test_receivers_that_only_listen_are_all_a_mission_needs(autopilot: str, publish: str) -> None:
+    """On a virtual clock: nothing of the vehicles reaches the receivers but what is forwarded."""
+    mission = parse_mission(
+        short_mission_text(
+            **BRIEF,
+            swarm__autopilot=autopilot,
+            sim__autopilot=autopilot,
+            sim__receivers={"publish": publish},
+        )
+    )
+    ear = Address("receivers", 14600, 1)
+    config = sim_config(mission, 1, UTC0)
+    world, listening = World(config), Listening(config)
+    station = Station(mission, 0.0, UTC0, None, stations=[ear])
+    steps = 0
+    while not station.ended:
+        steps += 1
+        now = steps * STEP_S
+        assert now < 600.0, f"still {station.snapshot(now).phase}"
+        world.advance(now)
+        for sysid, data in world.datagrams():
+            station.datagram(data, Address("memory", sysid), now)
+        for topic, payload in listening.publications():
+            station.message(topic, payload, now)
+        if now >= station.next_wake():
+            station.wake(now)
+        else:
+            station.settle(now)
+        for data, address in station.datagrams():
+            if address == ear:
+                listening.receive(data)
+            else:
+                world.receive_datagram(address.port, data)
+    assert station.controller.result[0] == "located", station.controller.result[1]
+    assert listening.complaints() == []
+    for vehicle in station.controller.fleet.vehicles.values():
+        assert not vehicle.is_armed
+        assert world.vehicle_state(vehicle.sysid).on_ground
 
 
 @contextlib.asynccontextmanager
@@ -118,7 +166,7 @@ async def test_what_cannot_be_listened_to_is_a_sentence() -> None:
 
     async def listen(url: str) -> None:
         await serve_receivers_of(
-            mission, listen=url, seed=None, broker=None, ready=list, stop=asyncio.Event()
+            mission, listen=url, seed=None, broker=None, ready=lambda: None, stop=asyncio.Event()
         )
 
     with pytest.raises(
