@@ -31,7 +31,7 @@ from tests.missions import short_mission_text
 
 Short = Callable[..., Path]
 
-SPEEDUP = 12.0
+SPEEDUP = 10.0
 # Low, near and brief: two and a half minutes.
 BRIEF: dict[str, object] = {
     "swarm__vehicles": [{"sysid": i, "altitude_amsl_m": 5 + 9 * i} for i in (1, 2, 3, 4)],
