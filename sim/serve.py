@@ -1,4 +1,4 @@
-"""The asyncio shell of the simulator: UDP for the vehicles, MQTT for receivers and truth."""
+"""The asyncio shells of the simulator: UDP for the vehicles, MQTT for receivers and truth."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import asyncio
 import logging
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import aiomqtt
 
+from sim.broadcast import Publication
 from sim.config import SimConfig
 from sim.errors import SimError
+from sim.listening import Listening
 from sim.world import World
 
 TURN_S = 0.002
@@ -22,6 +24,9 @@ LONGEST_TURN_S = 1.0
 On a machine too slow for its speed-up the simulation then slows down, instead of serving its
 sockets ever less often.
 """
+
+RECEIVE_BUFFER = 1 << 22
+"""Bytes asked of the system for what is heard and not yet read; it may give less."""
 
 # paho leaves Nagle's algorithm on, which holds back small messages until the last one is
 # acknowledged: up to 40 ms, or almost a second at a speed-up of 20.
@@ -82,7 +87,7 @@ class Shell:
         """Let simulation time begin now."""
         self._origin_s = time.monotonic()
 
-    def turn(self) -> list[tuple[str, bytes]]:
+    def turn(self) -> list[Publication]:
         """Catch up with the wall clock; returns what is to be published."""
         wanted_s = (time.monotonic() - self._origin_s) * self._speedup
         reached_s = min(wanted_s, self._world.time_s + LONGEST_TURN_S)
@@ -101,10 +106,26 @@ class Shell:
             self._sockets[sysid].sendto(datagram)
 
 
+class _Listener(asyncio.DatagramProtocol):
+    """A UDP port on which vehicles that others fly are heard; it never answers."""
+
+    def __init__(self, listening: Listening) -> None:
+        self._listening = listening
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        # At a speed-up a moment's absence is seconds of everybody's reports.
+        transport.get_extra_info("socket").setsockopt(
+            socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER
+        )
+
+    def datagram_received(self, data: bytes, addr: tuple[str | int, int]) -> None:
+        self._listening.receive(data)
+
+
 async def serve(
     config: SimConfig,
     *,
-    controller: tuple[str, int],
+    controllers: Sequence[tuple[str, int]],
     broker: tuple[str, int],
     credentials: tuple[str, str | None] | None = None,
     speedup: float = 1.0,
@@ -118,7 +139,8 @@ async def serve(
 
     Args:
         config: The simulation.
-        controller: Host and port the vehicles send to; nobody need listen there yet.
+        controllers: Host and port that each vehicle sends to, or one for all; nobody need
+            listen there yet.
         broker: Host and port of the MQTT broker, which must be up.
         credentials: User name and password for the broker; None for an anonymous client.
         speedup: Simulated seconds per second.
@@ -126,23 +148,88 @@ async def serve(
         stop: Ends the simulation when set.
 
     Raises:
-        SimError: The configuration contradicts itself, the controller's address cannot be
+        SimError: The configuration contradicts itself, a controller's address cannot be
             sent to, or the broker cannot be reached or goes away.
     """
     shell = Shell(config, speedup)
+
+    def begin() -> None:
+        shell.start()
+        if ready is not None:
+            ready()
+
+    try:
+        for i, vehicle in enumerate(config.vehicles):
+            await shell.open(vehicle.sysid, controllers[i if len(controllers) > 1 else 0])
+        await _publish(shell.turn, broker, credentials, begin, stop)
+    finally:
+        shell.close()
+
+
+async def serve_receivers(
+    config: SimConfig,
+    *,
+    here: tuple[str, int],
+    broker: tuple[str, int],
+    credentials: tuple[str, str | None] | None = None,
+    ready: Callable[[], None] | None = None,
+    stop: asyncio.Event,
+) -> None:
+    """Simulate the emitter and the receivers of vehicles that others fly, until told to stop.
+
+    Args:
+        config: The simulation.
+        here: Host and port on which the vehicles' MAVLink is heard.
+        broker: Host and port of the MQTT broker, which must be up.
+        credentials: User name and password for the broker; None for an anonymous client.
+        ready: Called once everything is open.
+        stop: Ends the simulation when set.
+
+    Raises:
+        SimError: The port cannot be opened, or the broker cannot be reached or goes away.
+    """
+    listening = Listening(config)
+    loop = asyncio.get_running_loop()
+    host, port = here
+    try:
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: _Listener(listening), local_addr=here
+        )
+    except OSError as error:
+        raise SimError(
+            f"The simulator cannot listen on UDP port {port} of {host} ({error.strerror}): stop "
+            "whoever does, or name another port with --listen and in run's --forward."
+        ) from error
+
+    def turn() -> list[Publication]:
+        for complaint in listening.complaints():
+            _log.warning(complaint)
+        return listening.publications()
+
+    try:
+        await _publish(turn, broker, credentials, ready, stop)
+    finally:
+        transport.close()
+
+
+async def _publish(
+    turn: Callable[[], list[Publication]],
+    broker: tuple[str, int],
+    credentials: tuple[str, str | None] | None,
+    ready: Callable[[], None] | None,
+    stop: asyncio.Event,
+) -> None:
+    """Publish what every turn brings until told to stop."""
     host, port = broker
     user, password = credentials if credentials is not None else (None, None)
     try:
-        for vehicle in config.vehicles:
-            await shell.open(vehicle.sysid, controller)
         async with aiomqtt.Client(
             host, port, username=user, password=password, socket_options=[_NO_DELAY]
         ) as client:
-            shell.start()
             if ready is not None:
                 ready()
             while not stop.is_set():
-                for topic, payload in shell.turn():
+                for topic, payload in turn():
                     await client.publish(topic, payload)
                 await asyncio.sleep(TURN_S)
     except aiomqtt.MqttError as error:
@@ -150,5 +237,3 @@ async def serve(
             f"The simulator has no MQTT broker at {host}:{port} ({error}): "
             "start one there, or name one that runs."
         ) from error
-    finally:
-        shell.close()

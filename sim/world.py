@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections import deque
 
-import msgspec
-
 from sim.autopilots import PERSONALITIES
+from sim.broadcast import Broadcast, Publication
 from sim.clock import Clock
 from sim.config import SimConfig, VehicleConfig
 from sim.dynamics import Command, State, step
-from sim.emitter import Emitter, EmitterState
+from sim.emitter import EmitterState
 from sim.errors import SimError
 from sim.navigation import PositionError
 from sim.noise import GaussMarkov, Normals, generator
-from sim.receivers import Receivers
-from swarmctl.feed.schema import TruthMessage, tdoa_topic, toa_topic, truth_topic
 from swarmctl.frames import LocalFrame, Vector
 
 STEP_HZ = 50
@@ -126,20 +123,15 @@ class World:
         self.frame = LocalFrame(first.launch_lat_rad, first.launch_lon_rad, first.launch_alt_amsl_m)
         self._config = config
         self._vehicles = {v.sysid: Vehicle(v, config, self.frame) for v in config.vehicles}
-        self._emitter = Emitter(
-            config.emitter, self.frame, STEP_S, generator(config.seed, "emitter")
-        )
-        self._receivers = Receivers(config.receivers, tuple(self._vehicles), config.seed)
+        self._broadcast = Broadcast(config, self.frame, STEP_S)
         self._steps_per_epoch = STEP_HZ / config.receivers.rate_hz
         self._epochs = 0
         self._delay_steps = math.ceil(config.receivers.delay_s * STEP_HZ - _EARLY_STEPS)
-        self._truth_topic = truth_topic(config.swarm)
-        self._encode = msgspec.json.Encoder().encode
         self._steps = 0
         self._time_s = 0.0
-        self._delayed: deque[tuple[int, list[tuple[str, bytes]]]] = deque()
+        self._delayed: deque[tuple[int, list[Publication]]] = deque()
         self._datagrams: list[tuple[int, bytes]] = []
-        self._publications: list[tuple[str, bytes]] = []
+        self._publications: list[Publication] = []
 
     # --- Time --------------------------------------------------------------------------
 
@@ -162,7 +154,7 @@ class World:
     def _step(self) -> None:
         self._steps += 1
         now_s = self._steps * STEP_S
-        self._emitter.advance()
+        self._broadcast.emitter.advance()
         for vehicle in self._vehicles.values():
             vehicle.advance(now_s)
             self._collect(vehicle, now_s)
@@ -187,7 +179,7 @@ class World:
         datagrams, self._datagrams = self._datagrams, []
         return datagrams
 
-    def publications(self) -> list[tuple[str, bytes]]:
+    def publications(self) -> list[Publication]:
         """What was published over MQTT since the last call: topic and payload, in order."""
         publications, self._publications = self._publications, []
         return publications
@@ -206,9 +198,9 @@ class World:
         while self._delayed and self._delayed[0][0] <= self._steps:
             self._publications += self._delayed.popleft()[1]
         if self._steps % TRUTH_STEPS == 0:
-            self._publications.append((self._truth_topic, self._encode(self._truth(now_s))))
+            self._publications.append(self._broadcast.truth(self._config.utc_start_s + now_s))
 
-    def _measure(self, now_s: float) -> list[tuple[str, bytes]]:
+    def _measure(self, now_s: float) -> list[Publication]:
         """What the receivers publish of one burst."""
         floor_m = self._config.receivers.minimum_altitude_m
         hearing = {
@@ -217,24 +209,7 @@ class World:
             if vehicle.on_air(now_s)
             and vehicle.state.position_enu[2] - vehicle.ground_up_m() > floor_m
         }
-        emitter, swarm = self._emitter.state.position_enu, self._config.swarm
-        epoch_utc_s = self._config.utc_start_s + now_s
-        if self._config.receivers.publish == "arrival_times":
-            arrivals = self._receivers.arrivals(emitter, hearing, epoch_utc_s)
-            return [(toa_topic(swarm, m.receiver), self._encode(m)) for m in arrivals]
-        messages = self._receivers.measure(emitter, hearing, epoch_utc_s)
-        return [(tdoa_topic(swarm), self._encode(messages))] if messages else []
-
-    def _truth(self, now_s: float) -> TruthMessage:
-        state = self._emitter.state
-        lat, lon, alt = self.frame.to_geodetic(*state.position_enu)
-        return TruthMessage(
-            epoch_utc_s=self._config.utc_start_s + now_s,
-            lat_deg=math.degrees(lat),
-            lon_deg=math.degrees(lon),
-            alt_amsl_m=alt,
-            velocity_enu=state.velocity_enu,
-        )
+        return self._broadcast.burst(hearing, self._config.utc_start_s + now_s)
 
     # --- Truth -------------------------------------------------------------------------
 
@@ -248,7 +223,7 @@ class World:
 
     def emitter_state(self) -> EmitterState:
         """True state of the emitter, as of the last whole step."""
-        return self._emitter.state
+        return self._broadcast.emitter.state
 
 
 def _check(config: SimConfig) -> None:

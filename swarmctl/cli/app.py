@@ -191,29 +191,58 @@ def sim(
     speedup: SpeedupOption = 1.0,
     seed: SeedOption = None,
     broker: BrokerOption = None,
+    receivers_only: Annotated[
+        bool,
+        typer.Option(
+            "--receivers-only",
+            help="No vehicles: the emitter and the receivers of vehicles that others simulate"
+            " (SITL), measured from the positions they report.",
+        ),
+    ] = False,
+    listen: Annotated[
+        str | None,
+        typer.Option(
+            "--listen",
+            help="With --receivers-only: where `run --forward` sends the vehicles' MAVLink"
+            " (default: udpin://127.0.0.1:14600).",
+        ),
+    ] = None,
     with_parent: Annotated[
         bool, typer.Option("--with-parent", hidden=True, help="End when standard input does.")
     ] = False,
 ) -> None:
     """Serve a mission's simulated vehicles, emitter and broker until Ctrl-C."""
     from swarmctl.ops.simulation import (  # noqa: PLC0415 - loads the simulator
+        LISTEN,
         READY,
-        controller_address,
+        controller_addresses,
         serve_mission,
+        serve_receivers_of,
     )
 
+    if listen is not None and not receivers_only:
+        raise UsageError("--listen goes with --receivers-only: other vehicles are not heard.")
+    if receivers_only and speedup != 1.0:
+        raise UsageError(
+            "--receivers-only goes by the vehicles' own clocks, whatever their speed-up: leave"
+            " --speedup out."
+        )
     if with_parent:
         # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     loaded = load_mission(find_mission(mission))
     embedded = "embedded broker" if broker is None else "outside broker"
+    heard_at = listen or LISTEN
 
     def ready() -> None:
+        vehicles = len(loaded.swarm.vehicles)
+        if receivers_only:
+            what = f"an emitter and {vehicles} receivers; MAVLink is heard at {heard_at}"
+        else:
+            ports = " ".join(f"{host}:{port}" for host, port in controller_addresses(loaded))
+            what = f"{vehicles} vehicles at {speedup:g} x real time; MAVLink goes to {ports}"
         print(  # noqa: T201 - a parent process waits for this line
-            f"{READY} {len(loaded.swarm.vehicles)} vehicles at {speedup:g} x real time;"
-            f" MAVLink goes to {':'.join(map(str, controller_address(loaded)))},"
-            f" {embedded} {broker or loaded.feed.broker}; Ctrl-C ends",
-            flush=True,
+            f"{READY} {what}, {embedded} {broker or loaded.feed.broker}; Ctrl-C ends", flush=True
         )
 
     async def serve() -> None:
@@ -224,15 +253,20 @@ def sim(
         else:
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, stop.set)
-        await serve_mission(
-            loaded,
-            seed=seed,
-            speedup=speedup,
-            broker=broker,
-            utc_start_s=time.time(),
-            ready=ready,
-            stop=stop,
-        )
+        if receivers_only:
+            await serve_receivers_of(
+                loaded, listen=heard_at, seed=seed, broker=broker, ready=ready, stop=stop
+            )
+        else:
+            await serve_mission(
+                loaded,
+                seed=seed,
+                speedup=speedup,
+                broker=broker,
+                utc_start_s=time.time(),
+                ready=ready,
+                stop=stop,
+            )
 
     asyncio.run(serve())
 

@@ -22,15 +22,18 @@ from sim.config import (
     WindConfig,
 )
 from sim.errors import SimError
-from sim.serve import serve
+from sim.serve import serve, serve_receivers
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
-from swarmctl.link.endpoints.url import parse_url
+from swarmctl.link.endpoints.url import EndpointUrl, parse_url
 from swarmctl.mission.model import Mission, Simulation
 
 READY = "simulating"
 """First word of the line a simulator process prints once it serves."""
+
+LISTEN = "udpin://127.0.0.1:14600"
+"""Where the receivers of vehicles that others fly hear their MAVLink."""
 
 SPEED_PARAMETERS = {
     "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0)),
@@ -154,39 +157,96 @@ async def serve_mission(
         SwarmError: If a port is in use or the broker cannot be reached.
     """
     config = sim_config(mission, seed, utc_start_s)
-    address = BrokerAddress.parse(broker or mission.feed.broker)
+    async with _broker(mission, broker) as (address, credentials):
+        await serve(
+            config,
+            controllers=controller_addresses(mission),
+            broker=address,
+            credentials=credentials,
+            speedup=speedup,
+            ready=ready,
+            stop=stop,
+        )
+
+
+async def serve_receivers_of(
+    mission: Mission,
+    *,
+    listen: str,
+    seed: int | None,
+    broker: str | None,
+    ready: Callable[[], None],
+    stop: asyncio.Event,
+) -> None:
+    """Serve a mission's emitter, receivers and broker, for vehicles that others fly.
+
+    Args:
+        mission: A mission with a ``sim`` section.
+        listen: Where their MAVLink is heard, ``udpin://host:port``.
+        seed: Overrides the section's seed.
+        broker: URL of an outside broker; None starts the embedded one at ``feed.broker``.
+        ready: Called once everything is served.
+        stop: Ends the simulation.
+
+    Raises:
+        SwarmError: If a port is in use or the broker cannot be reached.
+    """
+    config = sim_config(mission, seed, 0.0)
+    url = parse_url(listen)
+    if url.scheme != "udpin":
+        raise UsageError(
+            f"--listen is {listen!r}: it should be udpin://host:port, as in {LISTEN}, where"
+            " `swarmctl run --forward udpout://host:port` sends the vehicles' MAVLink."
+        )
+    async with _broker(mission, broker) as (address, credentials):
+        await serve_receivers(
+            config,
+            here=(url.host, url.port),
+            broker=address,
+            credentials=credentials,
+            ready=ready,
+            stop=stop,
+        )
+
+
+@contextlib.asynccontextmanager
+async def _broker(
+    mission: Mission, url: str | None
+) -> AsyncIterator[tuple[tuple[str, int], tuple[str, str | None] | None]]:
+    """The simulator's broker, embedded or outside: its host and port, and credentials."""
+    address = BrokerAddress.parse(url or mission.feed.broker)
     if address.tls:
         raise UsageError("The simulator speaks no TLS: give it a broker at mqtt://, on loopback.")
     async with contextlib.AsyncExitStack() as stack:
-        if broker is None:
+        if url is None:
             await stack.enter_async_context(embedded_broker(address.host, address.port))
         try:
-            await serve(
-                config,
-                controller=controller_address(mission),
-                broker=(address.host, address.port),
-                credentials=(address.username, address.password) if address.username else None,
-                speedup=speedup,
-                ready=ready,
-                stop=stop,
-            )
+            credentials = (address.username, address.password) if address.username else None
+            yield (address.host, address.port), credentials
         except SimError as error:
             raise SwarmError(str(error)) from error
 
 
-def controller_address(mission: Mission) -> tuple[str, int]:
-    """Host and port that simulated vehicles send to: the first port the mission listens on.
+def controller_addresses(mission: Mission) -> list[tuple[str, int]]:
+    """Hosts and ports that simulated vehicles send to.
+
+    A port for each vehicle where the mission listens on as many; else the first, for all.
 
     Raises:
         UsageError: If it listens on none.
     """
-    for url in map(parse_url, mission.swarm.link):
-        if url.scheme == "udpin":
-            return ("127.0.0.1" if url.host == "0.0.0.0" else url.host, url.port)
-    raise UsageError(
-        f"swarm.link is {' and '.join(mission.swarm.link)}: simulated vehicles need one"
-        " udpin://host:port among them, as in udpin://127.0.0.1:14550."
-    )
+    urls = [url for url in map(parse_url, mission.swarm.link) if url.scheme == "udpin"]
+    if not urls:
+        raise UsageError(
+            f"swarm.link is {' and '.join(mission.swarm.link)}: simulated vehicles need one"
+            " udpin://host:port among them, as in udpin://127.0.0.1:14550."
+        )
+    addresses = [_address(url) for url in urls]
+    return addresses if len(urls) == len(mission.swarm.vehicles) else addresses[:1]
+
+
+def _address(url: EndpointUrl) -> tuple[str, int]:
+    return ("127.0.0.1" if url.host == "0.0.0.0" else url.host, url.port)
 
 
 @contextlib.asynccontextmanager

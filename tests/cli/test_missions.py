@@ -9,7 +9,13 @@ from swarmctl.errors import UsageError
 
 
 def test_shipped_missions_are_found_by_name() -> None:
-    assert set(shipped_missions()) >= {"beacon_drift", "beacon_static", "table1"}
+    assert set(shipped_missions()) >= {
+        "beacon_drift",
+        "beacon_static",
+        "sitl_ardupilot",
+        "sitl_px4",
+        "table1",
+    }
     assert find_mission("table1").name == "table1.yaml"
 
 

@@ -67,7 +67,7 @@ async def console(autopilot: str, directory: Path) -> AsyncIterator[Console]:
         simulator = asyncio.create_task(
             serve(
                 simulation(vehicle(7, autopilot=autopilot)),
-                controller=("127.0.0.1", port),
+                controllers=[("127.0.0.1", port)],
                 broker=(broker.host, broker.port),
                 speedup=SPEEDUP,
                 stop=stop,

@@ -40,7 +40,7 @@ async def connected(autopilot: str) -> AsyncIterator[Any]:
         simulator = asyncio.create_task(
             serve(
                 simulation(vehicle(3, autopilot=autopilot)),
-                controller=("127.0.0.1", port),
+                controllers=[("127.0.0.1", port)],
                 broker=(broker.host, broker.port),
                 speedup=SPEEDUP,
                 stop=stop,

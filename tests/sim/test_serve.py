@@ -57,7 +57,7 @@ async def test_vehicles_speak_udp_and_the_truth_comes_over_mqtt() -> None:
             simulator = asyncio.create_task(
                 serve(
                     simulation(vehicle(1), vehicle(2, 10.0)),
-                    controller=("127.0.0.1", controller_port),
+                    controllers=[("127.0.0.1", controller_port)],
                     broker=(broker.host, broker.port),
                     speedup=20.0,
                     ready=ready.set,
@@ -90,7 +90,7 @@ async def test_simulation_time_runs_at_the_speed_up() -> None:
             simulator = asyncio.create_task(
                 serve(
                     simulation(),
-                    controller=("127.0.0.1", free_port(socket.SOCK_DGRAM)),
+                    controllers=[("127.0.0.1", free_port(socket.SOCK_DGRAM))],
                     broker=(broker.host, broker.port),
                     speedup=20.0,
                     ready=started.set,
@@ -115,7 +115,7 @@ async def test_a_dead_broker_is_one_clear_sentence() -> None:
     with pytest.raises(SimError, match=rf"no MQTT broker at 127\.0\.0\.1:{port} .*start one"):
         await serve(
             simulation(),
-            controller=("127.0.0.1", 14550),
+            controllers=[("127.0.0.1", 14550)],
             broker=("127.0.0.1", port),
             stop=asyncio.Event(),
         )
@@ -128,7 +128,7 @@ async def test_a_broker_that_goes_away_is_one_clear_sentence() -> None:
             simulator = asyncio.create_task(
                 serve(
                     simulation(),
-                    controller=("127.0.0.1", free_port(socket.SOCK_DGRAM)),
+                    controllers=[("127.0.0.1", free_port(socket.SOCK_DGRAM))],
                     broker=(broker.host, broker.port),
                     speedup=20.0,
                     ready=ready.set,
@@ -144,7 +144,7 @@ async def test_an_unreachable_controller_is_one_clear_sentence() -> None:
     with pytest.raises(SimError, match=r"UAV 1 cannot send to the controller at nowhere\.invalid"):
         await serve(
             simulation(),
-            controller=("nowhere.invalid", 14550),
+            controllers=[("nowhere.invalid", 14550)],
             broker=("127.0.0.1", 1),
             stop=asyncio.Event(),
         )

@@ -1,0 +1,186 @@
+"""Receivers on vehicles that somebody else flies or simulates: heard by their MAVLink, sans-I/O.
+
+A vehicle's own reports are its truth here: where it says it was (GLOBAL_POSITION_INT), at the
+UTC it says that was (SYSTEM_TIME). All time is theirs, so that vehicles simulated faster or slower
+than real time are measured in their time, without being asked for the factor.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, insort
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from sim.broadcast import Broadcast, Publication
+from sim.config import SimConfig
+from sim.mavlink import AUTOPILOT_COMPONENT, Codec, Message
+from swarmctl.frames import LocalFrame, Vector
+
+REACH_S = 1.0
+"""A vehicle hears bursts at most this far from its nearest report."""
+TRUTH_PERIOD_S = 0.5
+"""The emitter's truth is published at most this often."""
+
+_HISTORY_S = 3.0
+"""Reports are kept this long; one that is older than its vehicle's newest by more than this
+shows that the vehicle's clock was set back."""
+_PATIENCE_S = 10.0
+"""A receiver is complained about once its vehicle's reports have come too late for this long."""
+_LEAP_S = 5.0
+"""A clock that goes ahead or back by more than this was set; no burst was missed meanwhile."""
+
+
+class Report(NamedTuple):
+    """Where a vehicle was at a UTC (s), ENU (m, m/s), and whether it was high enough to hear."""
+
+    utc_s: float
+    position_enu: Vector
+    velocity_enu: Vector
+    hears: bool
+
+
+class _Track:
+    """The recent reports of one vehicle, oldest first."""
+
+    __slots__ = ("_reports", "boot_utc_s")
+
+    def __init__(self) -> None:
+        self.boot_utc_s: float | None = None
+        self._reports: list[Report] = []
+
+    @property
+    def newest_s(self) -> float:
+        """UTC of the newest report, s; minus infinity before any."""
+        return self._reports[-1].utc_s if self._reports else -math.inf
+
+    def add(self, report: Report) -> None:
+        """Keep a report, in whatever order they come."""
+        if report.utc_s < self.newest_s - _HISTORY_S:
+            self._reports.clear()
+        insort(self._reports, report)
+        del self._reports[: bisect_left(self._reports, (self.newest_s - _HISTORY_S,))]
+
+    def hearing_at(self, epoch_s: float) -> Vector | None:
+        """Where it was at an epoch (UTC s); None if it heard nothing there, or is not known."""
+        after = bisect_left(self._reports, (epoch_s,))
+        around = self._reports[max(0, after - 1) : after + 1]
+        if not around:
+            return None
+        nearest = min(around, key=lambda report: abs(epoch_s - report.utc_s))
+        since_s = epoch_s - nearest.utc_s
+        if not nearest.hears or abs(since_s) > REACH_S:
+            return None
+        (x, y, z), (vx, vy, vz) = nearest.position_enu, nearest.velocity_enu
+        return (x + since_s * vx, y + since_s * vy, z + since_s * vz)
+
+
+class Listening:
+    """The emitter and the receivers of vehicles that are only heard.
+
+    A burst arrives at every whole multiple of the receivers' period in UTC. It is measured once
+    every vehicle has reported from after it, or the first is :data:`REACH_S` past it: receivers
+    far behind hear nothing. The emitter begins to drift when the first vehicle is heard.
+
+    Args:
+        config: The simulation. Of its vehicles only the system ids count, and the first one's
+            launch point, where the frame is tangent.
+    """
+
+    def __init__(self, config: SimConfig) -> None:
+        first = config.vehicles[0]
+        self._frame = LocalFrame(
+            first.launch_lat_rad, first.launch_lon_rad, first.launch_alt_amsl_m
+        )
+        self._rate_hz = config.receivers.rate_hz
+        self._floor_m = config.receivers.minimum_altitude_m
+        self._broadcast = Broadcast(config, self._frame, 1.0 / self._rate_hz)
+        self._tracks = {vehicle.sysid: _Track() for vehicle in config.vehicles}
+        self._codec = Codec(0)
+        self._epoch: int | None = None
+        self._truth_s = -math.inf
+        self._publications: list[Publication] = []
+        self._complaints: list[str] = []
+        self._punctual_s: dict[int, float] = {}
+
+    def receive(self, datagram: bytes) -> None:
+        """Take a datagram of anybody's: what no autopilot of the swarm sent is ignored."""
+        for message in self._codec.decode(datagram):
+            track = self._tracks.get(message.get_srcSystem())
+            if track is None or message.get_srcComponent() != AUTOPILOT_COMPONENT:
+                continue
+            if message.get_type() == "SYSTEM_TIME":
+                # Zero until there is a GPS fix.
+                if message.time_unix_usec > 0:
+                    track.boot_utc_s = 1e-6 * message.time_unix_usec - 1e-3 * message.time_boot_ms
+            elif message.get_type() == "GLOBAL_POSITION_INT":
+                report = self._report(message, track.boot_utc_s)
+                if report is not None:
+                    track.add(report)
+                    self._compare_clocks(message.get_srcSystem(), report.utc_s)
+                    self._advance()
+
+    def publications(self) -> list[Publication]:
+        """What was published over MQTT since the last call: topic and payload, in order."""
+        publications, self._publications = self._publications, []
+        return publications
+
+    def complaints(self) -> list[str]:
+        """Sentences since the last call: vehicles whose clocks keep them from hearing."""
+        complaints, self._complaints = self._complaints, []
+        return complaints
+
+    def _report(self, message: Message, boot_utc_s: float | None) -> Report | None:
+        if boot_utc_s is None or message.lat == message.lon == 0:
+            return None
+        position = self._frame.to_enu(
+            math.radians(1e-7 * message.lat), math.radians(1e-7 * message.lon), 1e-3 * message.alt
+        )
+        return Report(
+            boot_utc_s + 1e-3 * message.time_boot_ms,
+            position,
+            (1e-2 * message.vy, 1e-2 * message.vx, -1e-2 * message.vz),
+            1e-3 * message.relative_alt > self._floor_m,
+        )
+
+    def _compare_clocks(self, sysid: int, utc_s: float) -> None:
+        behind_s = max(track.newest_s for track in self._tracks.values()) - utc_s
+        punctual_s = self._punctual_s.setdefault(sysid, utc_s)
+        if behind_s <= REACH_S:
+            self._punctual_s[sysid] = utc_s
+        elif utc_s > punctual_s + _PATIENCE_S:
+            self._punctual_s[sysid] = math.inf
+            self._complaints.append(
+                f"The clock of UAV {sysid} (SYSTEM_TIME) is {behind_s:.1f} s behind the first "
+                f"one's: its receiver hears nothing. Start the simulated vehicles together, so "
+                f"that their clocks agree to {REACH_S:g} s."
+            )
+
+    def _advance(self) -> None:
+        """Measure every burst whose time has come."""
+        for epoch in self._due():
+            epoch_s = epoch / self._rate_hz
+            self._broadcast.emitter.advance()
+            hearing = {
+                sysid: position
+                for sysid, track in self._tracks.items()
+                if (position := track.hearing_at(epoch_s)) is not None
+            }
+            self._publications += self._broadcast.burst(hearing, epoch_s)
+            if epoch_s >= self._truth_s + TRUTH_PERIOD_S:
+                self._truth_s = epoch_s
+                self._publications.append(self._broadcast.truth(epoch_s))
+
+    def _due(self) -> Iterator[int]:
+        newest = [track.newest_s for track in self._tracks.values()]
+        first_s = max(newest)
+        if self._epoch is None or abs(first_s - self._epoch / self._rate_hz) > _LEAP_S:
+            self._epoch = math.ceil(first_s * self._rate_hz)
+            self._truth_s = -math.inf
+        while (epoch_s := self._epoch / self._rate_hz) <= first_s:
+            if first_s < epoch_s + REACH_S and any(
+                epoch_s - REACH_S < utc_s < epoch_s for utc_s in newest
+            ):
+                return
+            yield self._epoch
+            self._epoch += 1
