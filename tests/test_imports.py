@@ -50,6 +50,7 @@ SOLE_IMPORTERS = {
     "pymavlink": {"swarmctl/link/codec.py", "sim/mavlink.py"},
     "aiomqtt": {"swarmctl/feed/client.py", "sim/serve.py"},
     "amqtt": {"swarmctl/feed/broker.py"},
+    "mavsdk": {"swarmctl/link/mavsdk_backend.py"},
 }
 
 

@@ -1,11 +1,10 @@
 """The vehicles' link on MAVSDK 4: it holds the sockets and speaks MAVLink, for teams that run it.
 
-MAVSDK opens the connections, finds the vehicles, sends our heartbeat, and reads and writes every
-message (its MavlinkDirect plugin). What its typed plugins leave out is needed here: the time
-since boot of a position, SYSTEM_TIME, which vehicle it came from, a setpoint that is gone when
-the controller stops (its Offboard plugin repeats the last one for ever, and knows no global
-position with a velocity). How each autopilot is asked, and when a command counts as done, is the
-same as on the native link.
+MAVSDK opens the connections, finds the vehicles, and reads and writes every message, by its
+MavlinkDirect plugin. For what its typed plugins leave out is needed here: the time since boot of
+a position, SYSTEM_TIME, and a setpoint that is gone when the controller stops (its Offboard
+plugin repeats the last one for ever, and knows no global position with a velocity). How each
+autopilot is asked, and when a command counts as done, is the same as on the native link.
 
 MAVSDK calls back on a thread of its own; there a message is only put into the inbox, and
 :meth:`MavsdkLink.handle_timer` takes it out again.
@@ -63,7 +62,7 @@ from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
 
 _PERIOD_S = 1.0
-"""Between two TIMESYNCs, and between two reports of link quality."""
+"""Between two of our heartbeats, and between two reports of link quality."""
 _SILENT_S = 2.0
 """A vehicle that comes back after this time is asked whether it is the one that we knew."""
 
@@ -195,6 +194,8 @@ class MavsdkLink:
             if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
                 self._next_period_s = now + _PERIOD_S
             for sysid, vehicle in self._vehicles.items():
+                # MAVSDK's own comes by the wall clock, which a simulation may outrun.
+                self._transmit(vehicle, "HEARTBEAT", messages.HEARTBEAT)
                 self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
                 self._events.append(
                     vehicle.statistics.report(sysid, now, vehicle.clock, vehicle.round_trips)

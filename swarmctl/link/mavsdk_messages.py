@@ -42,7 +42,8 @@ _GLOBAL_INT = 5
 """MAV_FRAME_GLOBAL_INT: altitudes AMSL."""
 _POSITION_AND_VELOCITY = 3520
 """POSITION_TARGET_TYPEMASK: acceleration, yaw and yaw rate are ignored."""
-_E7 = 1e7
+_RAD_PER_E7 = math.radians(1e-7)
+_E7_PER_RAD = 1.0 / _RAD_PER_E7
 _MAX_LAT_E7 = 900_000_000
 _MAX_LON_E7 = 1_800_000_000
 _MAX_ALT_MM = 100_000_000
@@ -298,10 +299,19 @@ def read(name: str, fields: str, sysid: int, received_s: float) -> Fact | Fault 
 def _geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> tuple[float, float, float]:
     if abs(lat_e7) > _MAX_LAT_E7 or abs(lon_e7) > _MAX_LON_E7 or abs(alt_mm) > _MAX_ALT_MM:
         raise ValueError(f"lat = {lat_e7}, lon = {lon_e7}, alt = {alt_mm}")
-    return math.radians(lat_e7 / _E7), math.radians(lon_e7 / _E7), alt_mm / 1e3
+    return lat_e7 * _RAD_PER_E7, lon_e7 * _RAD_PER_E7, alt_mm / 1e3
 
 
 # --- Sent ------------------------------------------------------------------------------
+
+
+def _fields(target: int, **fields: float | str) -> str:
+    to = {"target_system": target, "target_component": AUTOPILOT_COMPONENT}
+    return _encode(to | fields)
+
+
+def _encode(fields: dict[str, Any]) -> str:
+    return msgspec.json.encode(fields).decode()  # NaN becomes null
 
 
 def command_long(target: int, command: CommandLong, confirmation: int) -> str:
@@ -328,6 +338,19 @@ def param_set(target: int, name: str, raw: bytes, kind: int) -> str | None:
     return _fields(target, param_id=name, param_type=kind, param_value=carrier)
 
 
+HEARTBEAT = _encode(
+    {
+        "type": 6,  # MAV_TYPE_GCS
+        "autopilot": _INVALID,
+        "base_mode": 0,
+        "custom_mode": 0,
+        "system_status": 4,  # MAV_STATE_ACTIVE
+        "mavlink_version": 3,
+    }
+)
+"""Fields of HEARTBEAT of a ground station."""
+
+
 def timesync(asked_ns: int) -> str:
     """Fields of TIMESYNC that asks for the time since boot."""
     return _encode({"tc1": 0, "ts1": asked_ns})
@@ -344,7 +367,7 @@ def setpoint(goto: GoTo, now: float) -> str | None:
     numbers = (goto.lat_rad, goto.lon_rad, goto.alt_amsl_m, east, north, up)
     if not all(map(math.isfinite, numbers)):
         return None
-    lat_e7, lon_e7 = (round(math.degrees(angle) * _E7) for angle in numbers[:2])
+    lat_e7, lon_e7 = (round(angle * _E7_PER_RAD) for angle in numbers[:2])
     if abs(lat_e7) > _MAX_LAT_E7 or abs(lon_e7) > _MAX_LON_E7:
         return None
     return _fields(
@@ -360,12 +383,3 @@ def setpoint(goto: GoTo, now: float) -> str | None:
         vz=-up,
         **dict.fromkeys(("afx", "afy", "afz", "yaw", "yaw_rate"), 0.0),
     )
-
-
-def _fields(target: int, **fields: float | str) -> str:
-    to = {"target_system": target, "target_component": AUTOPILOT_COMPONENT}
-    return _encode(to | fields)
-
-
-def _encode(fields: dict[str, Any]) -> str:
-    return msgspec.json.encode(fields).decode()  # NaN becomes null
