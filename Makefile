@@ -32,6 +32,7 @@ lint: setup
 bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_in_memory
 	$(BIN)/python -m tests.benchmarks.bench_link
+	$(BIN)/python -m tests.benchmarks.bench_backends
 	$(BIN)/python -m tests.benchmarks.bench_filters
 	$(BIN)/python -m tests.benchmarks.bench_study
 	$(BIN)/python -m tests.benchmarks.bench_designs

@@ -62,6 +62,7 @@ SOLE_IMPORTERS = {
     },
     "aiomqtt": {"swarmctl/feed/client.py", "sim/serve.py"},
     "amqtt": {"swarmctl/feed/broker.py"},
+    "mavsdk": {"swarmctl/link/mavsdk_backend.py"},
 }
 
 

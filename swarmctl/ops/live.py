@@ -12,6 +12,7 @@ import signal
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
@@ -21,10 +22,14 @@ from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.facts import Address
 from swarmctl.mission.loading import load_mission
+from swarmctl.mission.model import Mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
+
+if TYPE_CHECKING:
+    from swarmctl.link.mavsdk_backend import MavsdkLink
 
 HICCUP_S = 0.5
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
@@ -84,6 +89,9 @@ async def fly(
     with Recording(mission, Path(mission_path), out, seed) as recording:
         utc_start_s = time.time()
         async with contextlib.AsyncExitStack() as stack:
+            mavsdk = None
+            if mission.swarm.backend == "mavsdk":
+                mavsdk = stack.enter_context(mavsdk_link(mission, forward))
             station = Station(
                 mission,
                 0.0,
@@ -95,8 +103,12 @@ async def fly(
                 ),
                 stations=station_addresses(forward, first=len(links)),
                 shadow=shadow,
+                backend=mavsdk,
             )
             shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
+            if mavsdk is not None:
+                mavsdk.connect(links, lambda: loop.call_soon_threadsafe(shell.inbox))
+                links = ()
             endpoints = await open_endpoints((*links, *forward), shell.datagram, shell.connection)
             stack.callback(endpoints.close)
             feed = await stack.enter_async_context(
@@ -113,6 +125,40 @@ async def fly(
             recording.open()
             await shell.run(endpoints, links, feed, on_notice)
         return recording.summary(station, loop.time() - began)
+
+
+def mavsdk_link(mission: Mission, forward: Sequence[str]) -> MavsdkLink:
+    """The vehicles' link on MAVSDK.
+
+    Args:
+        mission: A mission that wants it.
+        forward: Other ground stations that MAVLink is to be passed on to.
+
+    Raises:
+        UsageError: If MAVSDK is not installed, or cannot do what else is wanted.
+    """
+    unable = [
+        what
+        for what, wanted in (
+            ("sign (swarm.signing_key_file)", mission.swarm.signing_key_file),
+            ("upload a fence (limits.upload_geofence)", mission.limits.upload_geofence),
+            ("pass MAVLink on (--forward)", forward),
+        )
+        if wanted
+    ]
+    if unable:
+        raise UsageError(
+            f"swarm.backend is mavsdk, which does not {' or '.join(unable)}: leave that out, or fly"
+            " with swarm.backend: native."
+        )
+    try:
+        from swarmctl.link.mavsdk_backend import MavsdkLink  # noqa: PLC0415 - an optional extra
+    except (ImportError, OSError) as error:
+        raise UsageError(
+            f"swarm.backend is mavsdk, but MAVSDK 4 cannot be loaded ({error}): install"
+            " swarmctl[mavsdk], or fly with swarm.backend: native."
+        ) from error
+    return MavsdkLink(gcs_sysid=mission.swarm.gcs_sysid, vehicles=mission.swarm.sysids)
 
 
 def station_addresses(forward: Sequence[str], first: int) -> list[Address]:
@@ -175,6 +221,10 @@ class _Shell:
 
     def connection(self, address: Address, url: str, connected: bool) -> None:
         self._run(lambda now: self.station.connection(address, url, connected, now))
+
+    def inbox(self) -> None:
+        """Something waits in the inbox of the station's link: its timer is due."""
+        self._run(lambda _now: None)
 
     def message(self, topic: str, payload: bytes) -> None:
         self._run(lambda now: self.station.message(topic, payload, now))

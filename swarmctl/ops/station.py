@@ -26,6 +26,7 @@ from swarmctl.events import (
 )
 from swarmctl.feed.intake import FeedIntake, decode_truth
 from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
+from swarmctl.link.backend import Backend
 from swarmctl.link.facts import Address
 from swarmctl.link.link import MavlinkLink
 from swarmctl.link.signing import Signing
@@ -64,6 +65,8 @@ class Station:
             sent: others fly the vehicles.
         signing: Signs MAVLink, and refuses what is not signed; None without a key.
         stations: Addresses of other ground stations that MAVLink is passed on to.
+        backend: Reaches the vehicles instead of MAVLink of the station's own, and moves its bytes
+            by itself.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
@@ -80,13 +83,15 @@ class Station:
         shadow: bool = False,
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
+        backend: Backend | None = None,
     ) -> None:
         sysids = mission.swarm.sysids
         self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
         self._shadow = shadow
-        self.link = MavlinkLink(
+        self._mavlink = MavlinkLink(
             gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids, signing=signing, stations=stations
         )
+        self.link: Backend = backend or self._mavlink
         self.intake = FeedIntake(mission.swarm.name, sysids)
         self._frame = mission.frame
         self._utc_offset_s = utc_offset_s
@@ -116,21 +121,21 @@ class Station:
             called: Addresses of those that call instead of listening.
             now: Monotonic time, s.
         """
-        self.link.listen(urls, now)
+        self._mavlink.listen(urls, now)
         for address in called:
-            self.link.open(address, now)
+            self._mavlink.open(address, now)
 
     def connection(self, address: Address, url: str, connected: bool, now: float) -> None:
         """A connection of an endpoint that calls was lost, or is back."""
         if connected:
-            self.link.open(address, now)
+            self._mavlink.open(address, now)
         else:
-            self.link.close(address)
+            self._mavlink.close(address)
         self._observe(LinkConnection(received_s=now, url=url, connected=connected), now)
 
     def datagram(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram, or whole frames of a stream; call :meth:`settle` after the last."""
-        self.link.receive_datagram(data, address, now)
+        self._mavlink.receive_datagram(data, address, now)
 
     def message(self, topic: str, payload: bytes, now: float) -> None:
         """Take an MQTT message; call :meth:`settle` after the last."""
@@ -187,14 +192,14 @@ class Station:
             if not events and not commands:
                 break
         if recorder is not None:
-            for frame_s, raw in link.traffic():
+            for frame_s, raw in self._mavlink.traffic():
                 recorder.frame(raw, frame_s + self._utc_offset_s)
         else:
-            link.traffic()
+            self._mavlink.traffic()
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
         """Drain the datagrams to send."""
-        return self.link.datagrams()
+        return self._mavlink.datagrams()
 
     def publications(self) -> list[tuple[str, bytes]]:
         """Drain the MQTT messages to publish, as (topic, payload)."""
