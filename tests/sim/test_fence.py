@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.dynamics import Command, State, step
@@ -37,6 +37,7 @@ def test_circles_and_ceiling() -> None:
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(1.0, 12.0))
+@settings(deadline=None)
 def test_whatever_velocity_is_asked_for_it_stops_just_inside(course: float, speed: float) -> None:
     fence, limits = Fence(inside=(ELL,), ceiling_up_m=60.0), vehicle().limits
     state = State((30.0, 30.0, 40.0), on_ground=False)

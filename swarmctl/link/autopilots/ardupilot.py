@@ -12,6 +12,7 @@ from swarmctl.events import Command, Mode, SetMode, TakeOff
 from swarmctl.link.autopilots.common import (
     CUSTOM_MODE_ENABLED,
     common_request,
+    not_above_home,
     shows_airborne,
     shows_mode,
 )
@@ -94,10 +95,7 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
                 return "its HOME_POSITION, which a take-off altitude counts from, is not known yet"
             climb_m = command.alt_amsl_m - home_alt_amsl_m
             if not climb_m > 0.0:
-                return (
-                    f"{command.alt_amsl_m:.1f} m AMSL is not above its home "
-                    f"at {home_alt_amsl_m:.1f} m AMSL"
-                )
+                return not_above_home(command.alt_amsl_m, home_alt_amsl_m)
             step = CommandLong(MavCmd.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, climb_m))
             return Request("TakeOff", (step,), shows_airborne)
         case _:

@@ -48,6 +48,11 @@ def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request |
             return None
 
 
+def not_above_home(alt_amsl_m: float, home_alt_amsl_m: float) -> str:
+    """Why a vehicle cannot be asked to take off to an altitude, m."""
+    return f"{alt_amsl_m:.1f} m AMSL is not above its home at {home_alt_amsl_m:.1f} m AMSL"
+
+
 def shows_mode(mode_name: str) -> Callable[[State], bool]:
     """Whether a heartbeat shows the mode of this name."""
     return lambda state: isinstance(state, Heartbeat) and state.mode_name == mode_name

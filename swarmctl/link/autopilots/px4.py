@@ -17,6 +17,7 @@ from swarmctl.events import Command, Mode, SetMode, TakeOff
 from swarmctl.link.autopilots.common import (
     CUSTOM_MODE_ENABLED,
     common_request,
+    not_above_home,
     shows_airborne,
     shows_mode,
 )
@@ -98,10 +99,7 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
             return Request("SetMode", (step,), shows_mode(MODE_NAMES[numbers]), needs_state=True)
         case TakeOff():
             if home_alt_amsl_m is not None and not command.alt_amsl_m > home_alt_amsl_m:
-                return (
-                    f"{command.alt_amsl_m:.1f} m AMSL is not above its home "
-                    f"at {home_alt_amsl_m:.1f} m AMSL"
-                )
+                return not_above_home(command.alt_amsl_m, home_alt_amsl_m)
             # AMSL; a latitude and longitude of 0 would be a place to go to.
             params = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, command.alt_amsl_m)
             return Request("TakeOff", (CommandLong(MavCmd.NAV_TAKEOFF, params),), shows_airborne)
