@@ -8,7 +8,7 @@ than real time are measured in their time, without being asked for the factor.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, insort
+from bisect import bisect_left
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -55,10 +55,12 @@ class _Track:
         return self._reports[-1].utc_s if self._reports else -math.inf
 
     def add(self, report: Report) -> None:
-        """Keep a report, in whatever order they come."""
+        """Keep a report; one that was overtaken on its way is dropped."""
         if report.utc_s < self.newest_s - _HISTORY_S:
             self._reports.clear()
-        insort(self._reports, report)
+        if report.utc_s <= self.newest_s:
+            return
+        self._reports.append(report)
         del self._reports[: bisect_left(self._reports, (self.newest_s - _HISTORY_S,))]
 
     def hearing_at(self, epoch_s: float) -> Vector | None:

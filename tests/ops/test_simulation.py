@@ -6,7 +6,7 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.mission.loading import load_mission, parse_mission
-from swarmctl.ops.simulation import sim_config, simulation_section
+from swarmctl.ops.simulation import controller_addresses, sim_config, simulation_section
 from tests.missions import DEMO, short_mission_text
 
 
@@ -65,6 +65,15 @@ def test_launch_points_lie_eastwards_at_the_spacing() -> None:
     ]
     for i, place in enumerate(places):
         assert place == pytest.approx((20.0 * i, 0.0, 0.0), abs=1e-6)
+
+
+def test_vehicles_send_to_a_port_each_where_the_mission_has_as_many() -> None:
+    def addresses(*links: str) -> list[tuple[str, int]]:
+        return controller_addresses(parse_mission(short_mission_text(swarm__link=list(links))))
+
+    four = [f"udpin://0.0.0.0:{14550 + 10 * i}" for i in range(4)]
+    assert addresses(*four) == [("127.0.0.1", 14550 + 10 * i) for i in range(4)]
+    assert addresses("tcp://10.0.0.1:5760", *four[:2]) == [("127.0.0.1", 14550)]
 
 
 def test_faults_reach_their_vehicle() -> None:

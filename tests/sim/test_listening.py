@@ -214,6 +214,34 @@ def test_vehicles_that_boot_anew_are_heard_anew() -> None:
     assert max(epochs) == pytest.approx(24.75, abs=0.1)
 
 
+@pytest.mark.parametrize("error_s", [3600.0, -3600.0])
+def test_clocks_that_are_set_anew_are_followed_at_once(error_s: float) -> None:
+    listening = Listening(config())
+    heard(listening, 5.0)
+    again = [Autopilot(sysid, utc_error_s=error_s) for sysid in SPEEDS]
+    for pilot in again:
+        listening.receive(pilot.time(5.0))
+    published = heard_after(listening, 5.0, 10.0, again)
+    epochs = {m.epoch_utc_s - UTC - error_s for m in differences(published)}
+    assert len(epochs) == pytest.approx(48, abs=4)
+    # Nothing is made up of the time between.
+    for message in truths(published):
+        assert 4.0 < message.epoch_utc_s - UTC - error_s < 10.0
+
+
+def test_a_report_that_was_overtaken_changes_nothing() -> None:
+    listening = Listening(config())
+    heard(listening, 5.0)
+    on_ground = [pilot.position(3.0, height_m=0.0) for pilot in SWARM]
+    for k in range(20, 40):
+        for pilot, late in zip(SWARM, on_ground, strict=True):
+            listening.receive(pilot.position(k / 4))
+            if k == 20:
+                listening.receive(late)
+    epochs = {m.epoch_utc_s for m in differences(listening.publications())}
+    assert len(epochs) == pytest.approx(50, abs=2)
+
+
 @pytest.mark.parametrize(
     "datagram",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from functools import partial
 from typing import cast
 
 import aiomqtt
@@ -79,6 +80,42 @@ async def test_vehicles_speak_udp_and_the_truth_comes_over_mqtt() -> None:
             transport.close()
         stop.set()
         await simulator
+
+
+async def test_every_vehicle_may_send_to_a_port_of_its_own() -> None:
+    loop = asyncio.get_running_loop()
+    async with asyncio.timeout(10.0), embedded_broker(port=0) as broker:
+        heard: list[set[int]] = [set(), set()]
+        both, stop = asyncio.Event(), asyncio.Event()
+
+        class Port(asyncio.DatagramProtocol):
+            def __init__(self, number: int) -> None:
+                self._number = number
+
+            def datagram_received(self, data: bytes, _addr: tuple[str, int]) -> None:
+                heard[self._number].add(data[5])  # the system id of a MAVLink 2 frame
+                if all(heard):
+                    both.set()
+
+        ports = [
+            await loop.create_datagram_endpoint(partial(Port, i), local_addr=("127.0.0.1", 0))
+            for i in (0, 1)
+        ]
+        simulator = asyncio.create_task(
+            serve(
+                simulation(vehicle(1), vehicle(2, 10.0)),
+                controllers=[port.get_extra_info("sockname") for port, _ in ports],
+                broker=(broker.host, broker.port),
+                speedup=20.0,
+                stop=stop,
+            )
+        )
+        await both.wait()
+        stop.set()
+        await simulator
+        for port, _ in ports:
+            port.close()
+    assert heard == [{1}, {2}]
 
 
 async def test_simulation_time_runs_at_the_speed_up() -> None:
