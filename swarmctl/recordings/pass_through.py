@@ -37,7 +37,8 @@ class Settings:
         sigma_m: White 1-sigma of a range difference (RD) that brings none of its own.
         colour_m: 1-sigma of an RD's correlated error (multipath); 0 for none.
         tau_s: Its correlation time.
-        rho: Share of an RD's white variance that each of its two arrivals has, 0 to ½.
+        rho: Share of an RD's white variance that each of its two arrivals has, 0 to ½. At 0
+            every RD stands by itself, and so do outliers: otherwise they are of a receiver.
         clock_bias_m: 1-sigma of a receiver's clock; 0 for good clocks.
         clock_drift_mps: 1-sigma of its drift.
         navigation_m: 1-sigma of the receivers' positions per axis; 0 for exact ones.
@@ -233,7 +234,10 @@ def track(
                 Settings(speed_mps=settings.speed_mps, height_m=settings.height_m), at
             )
         try:
-            best = found.estimates()[0] if found.update(rows) else None
+            there = False
+            for part in _parts(rows, settings.rho):
+                there = found.update(part)
+            best = found.estimates()[0] if there else None
         except (EstimationError, np.linalg.LinAlgError):  # no finite result: begin again
             best, failed = None, True
         else:
@@ -250,3 +254,12 @@ def track(
         if failed:
             counts.restarts += 1
             found.restart(anywhere)
+
+
+def _parts(rows: Rows, rho: float) -> Iterator[Rows]:
+    """What is updated with at once: all rows of an epoch, or each where they are independent."""
+    if rho > 0.0 or len(rows.rd) == 1:
+        yield rows
+        return
+    for row in np.eye(len(rows.rd), dtype=np.bool_):
+        yield rows.where(row)

@@ -22,6 +22,8 @@ from swarmctl.estimation.augmented import Rows
 from swarmctl.recordings.tables import Line, lines
 
 _POSITION = ("east_m", "north_m", "up_m")
+_FARTHEST_M = 1e9
+"""What is further away is a slip of the pen, or in other units."""
 _LARGEST_RHO = 0.495
 """Where pairs close a loop (ab, bc, ac), a hundredth of the variance is each row's own: with
 all of it the arrivals', the covariance is singular."""
@@ -188,7 +190,7 @@ def read_truth(path: Path) -> Path3D:
 
 
 def _position(line: Line) -> Array:
-    return np.array([line.number_in(column) for column in _POSITION])
+    return np.array([line.number_in(column, largest=_FARTHEST_M) for column in _POSITION])
 
 
 def _check_later(line: Line, time_s: float, before_s: float, whose: str) -> None:
@@ -217,8 +219,9 @@ def _measurement(line: Line, ids: dict[str, int], sigma_m: float) -> Measurement
             " two different receivers would be right."
         )
     if "sigma_m" in line.cells:
-        sigma_m = line.number_in("sigma_m", positive=True)
-    return Measurement(pair[0], pair[1], line.number_in("rd_m"), sigma_m)
+        sigma_m = line.number_in("sigma_m", positive=True, largest=_FARTHEST_M)
+    rd_m = line.number_in("rd_m", largest=_FARTHEST_M)
+    return Measurement(pair[0], pair[1], rd_m, sigma_m)
 
 
 # --- What the estimator takes ------------------------------------------------------------

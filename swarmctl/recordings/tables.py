@@ -29,11 +29,16 @@ class Line:
         """What to raise if something about this line is."""
         return UsageError(f"{self.path}, line {self.number}: {what}")
 
-    def number_in(self, column: str, *, positive: bool = False) -> float:
+    def number_in(self, column: str, *, positive: bool = False, largest: float = math.inf) -> float:
         """A finite number.
 
+        Args:
+            column: Where.
+            positive: Whether it must be above 0.
+            largest: What its size must not exceed.
+
         Raises:
-            UsageError: It is not one, or not above 0 where it must be.
+            UsageError: It is not one, or not such a one.
         """
         text = self.cells[column]
         try:
@@ -42,6 +47,8 @@ class Line:
             value = math.nan
         if not math.isfinite(value):
             raise self.wrong(f"{column} is {text!r}; a finite number would be right.")
+        if abs(value) > largest:
+            raise self.wrong(f"{column} is {text}; at most {largest:g} would be right.")
         if positive and value <= 0.0:
             raise self.wrong(f"{column} is {text}; a number above 0 would be right.")
         return value

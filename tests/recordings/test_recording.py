@@ -113,6 +113,7 @@ MEASURED = "time_s,receiver_i,receiver_j,rd_m\n"
         (MEASURED + "0,A,A,1\n", "line 2: receiver_i and receiver_j are both 'A'"),
         (MEASURED + "0,A,B,1\n1,A,B,far\n", "line 3: rd_m is 'far'; a finite number would be righ"),
         (MEASURED + "0,A,B,nan\n", "line 2: rd_m is 'nan'; a finite number"),
+        (MEASURED + "0,A,B,-1e200\n", "line 2: rd_m is -1e200; at most 1e+09 would be right."),
         (MEASURED + "inf,A,B,1\n", "line 2: time_s is 'inf'; a finite number"),
         (MEASURED + "0,A,B\n", "line 2: it has 3 cells, and the header names 4 columns"),
         (MEASURED[:-1] + ",sigma_m\n0,A,B,1,0\n", "line 2: sigma_m is 0; a number above 0"),
