@@ -29,6 +29,7 @@ from swarmctl.events import (
     ReadParameter,
     RequestHome,
     SetMode,
+    StatusText,
     StreamTelemetry,
     TakeOff,
     WriteParameter,
@@ -98,9 +99,11 @@ class Rig:
             return beats == set(SYSIDS)
 
         self.until(known)
-        time.sleep(0.1)  # heartbeats that are still on their way
-        self.until(lambda: not self.radio_messages() or True)
+        # Heartbeats may still be on their way: what was sent last comes last.
+        self.radio.send(self.senders[1].pack("STATUSTEXT", text=b"that was all"))
+        self.until(lambda: any(isinstance(event, StatusText) for event in self.heard))
         self.heard.clear()
+        self.radio_messages()
         self.native.events()
         self.native.datagrams()
 
