@@ -192,6 +192,8 @@ class Estimator:
 
     def estimates(self) -> list[Estimate]:
         """What is known at :attr:`epoch_s`, the most probable first; empty if nothing is."""
+        if self._collected is not None:
+            return []
         probability = self._probabilities()
         n = 2 * self._d
         found = []

@@ -214,7 +214,7 @@ class Window:
         apart = np.abs(t[:, None] - t)
         scalar = errors.bias_m**2 + errors.drift_mps**2 * t[:, None] * t
         if errors.colour_m > 0.0:
-            scalar = scalar + errors.colour_m**2 * self._averaged(table, apart)
+            scalar = scalar + errors.colour_m**2 * self._averaged(table)
         Sigma: Array = table.white + shared * scalar
         if errors.navigation_m > 0.0:
             V = self._by_receiver(table, u)
@@ -237,16 +237,24 @@ class Window:
         both: Array = of_second + first[:, None, :] * u[0].mT[:, None]
         return both
 
-    def _averaged(self, table: Table, apart: Array) -> Array:
-        """Correlation of the colour between rows that are averages over their spans, (M, M)."""
+    def _averaged(self, table: Table) -> Array:
+        """Correlation of the colour between rows that are averages over their spans, (M, M).
+
+        The exact integral of ``exp(-|u - v| / tau)`` over both spans: of whatever spans and
+        times, a covariance that is one.
+        """
         tau = self._errors.colour_tau_s
-        x = np.maximum(table.span / tau, 1e-6)
-        factor = np.sinh(np.minimum(0.5 * x, 50.0)) / (0.5 * x)
-        correlation = np.exp(-apart / tau) * factor[:, None] * factor
-        within = np.sqrt(2.0 * (x - 1.0 + np.exp(-x))) / x
-        same = table.block[:, None] == table.block
-        mixed: Array = np.where(same, within[:, None] * within, np.minimum(correlation, 1.0))
-        return mixed
+        span = np.maximum(table.span, 1e-3 * tau)
+        begin, end = table.time - 0.5 * span, table.time + 0.5 * span
+
+        def twice(x: Array) -> Array:
+            """The integral's primitive, of ``exp(-|x| / tau)`` integrated twice."""
+            return tau * tau * np.exp(-np.abs(x) / tau) + tau * np.abs(x)
+
+        total = twice(end[:, None] - begin) + twice(begin[:, None] - end)
+        total -= twice(begin[:, None] - begin) + twice(end[:, None] - end)
+        mean: Array = total / (span[:, None] * span)
+        return mean
 
     def condense(self, fit: Fit, index: int, epoch_s: float) -> tuple[Array, Array]:
         """The state of emitter and receivers at an epoch, given all rows.
@@ -283,9 +291,10 @@ class Window:
             of_receivers[:, place] = decay * self._by_receiver(table, u)[0]
         if layout.colour is not None:
             tau = errors.colour_tau_s
-            x = np.maximum(table.span / tau, 1e-6)
-            factor = np.sinh(np.minimum(0.5 * x, 50.0)) / (0.5 * x)
-            decay = np.minimum(np.exp((t - T) / tau) * factor, (1.0 - np.exp(-x)) / x)
+            span = np.maximum(table.span, 1e-3 * tau)
+            ago = np.stack([T - t + 0.5 * span, T - t - 0.5 * span])
+            once = np.sign(ago) * -np.expm1(-np.abs(ago) / tau)
+            decay = tau * (once[0] - once[1]) / span
             of_receivers[:, layout.colour] = table.signs * (errors.colour_m**2 * decay)
 
         P = np.diag(np.concatenate([np.zeros(2 * d), np.tile(errors.variance(d), receivers)]))

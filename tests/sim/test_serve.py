@@ -101,18 +101,19 @@ async def test_every_vehicle_may_send_to_a_port_of_its_own() -> None:
             await loop.create_datagram_endpoint(partial(Port, i), local_addr=("127.0.0.1", 0))
             for i in (0, 1)
         ]
-        simulator = asyncio.create_task(
-            serve(
-                simulation(vehicle(1), vehicle(2, 10.0)),
-                controllers=[port.get_extra_info("sockname") for port, _ in ports],
-                broker=(broker.host, broker.port),
-                speedup=20.0,
-                stop=stop,
-            )
+        serving = serve(
+            simulation(vehicle(1), vehicle(2, 10.0)),
+            controllers=[port.get_extra_info("sockname") for port, _ in ports],
+            broker=(broker.host, broker.port),
+            speedup=20.0,
+            stop=stop,
         )
-        await both.wait()
-        stop.set()
-        await simulator
+
+        async def hear_both() -> None:
+            await both.wait()
+            stop.set()
+
+        await asyncio.gather(serving, hear_both())
         for port, _ in ports:
             port.close()
     assert heard == [{1}, {2}]
