@@ -95,7 +95,7 @@ class Controller:
         self._phase_since = now
         self._next_tick = now
         self._last_tick = now
-        self._preflight = Preflight(mission, self.fleet, now, shadow=shadow)
+        self._preflight = Preflight(mission, self.fleet, now, hiccup_s, shadow=shadow)
         self._launch: Launch | None = None
         self._landing: Landing | None = None
         self._custody = Custody(self.fleet)

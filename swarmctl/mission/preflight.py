@@ -41,21 +41,32 @@ CLOCK_TOLERANCE = 0.2
 """Greatest relative difference between a vehicle's clock rate and the controller's."""
 
 
-def clock_rate(vehicle: VehicleState) -> float | None:
-    """Seconds of vehicle time in one second of the controller's; None before it is known."""
+def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
+    """Seconds of vehicle time in one second of the controller's.
+
+    Args:
+        vehicle: The vehicle.
+        span_s: How long it must have been watched, by either clock, s; before that None.
+    """
     first, last = vehicle.clock_first, vehicle.clock_last
     if first is None or last is None:
         return None
     own = last.received_s - first.received_s
     theirs = last.utc_s - first.utc_s
-    if max(own, theirs) < CLOCK_SPAN_S or own <= 0.0:
+    if max(own, theirs) < span_s or own <= 0.0:
         return None
     return theirs / own
 
 
-def clock_fault(vehicle: VehicleState) -> str | None:
-    """A sentence if the vehicle's clock runs at another speed than the controller's."""
-    rate = clock_rate(vehicle)
+def clock_fault(vehicle: VehicleState, hiccup_s: float) -> str | None:
+    """A sentence if the vehicle's clock runs at another speed than the controller's.
+
+    Args:
+        vehicle: The vehicle.
+        hiccup_s: Delay that this computer may be to blame for, s; the clock is watched for so
+            long that it is within the tolerance.
+    """
+    rate = clock_rate(vehicle, CLOCK_SPAN_S + hiccup_s / CLOCK_TOLERANCE)
     if rate is None or abs(rate - 1.0) <= CLOCK_TOLERANCE:
         return None
     return (
@@ -63,6 +74,11 @@ def clock_fault(vehicle: VehicleState) -> str | None:
         " controller's: start `swarmctl run` with the same --speedup as the simulator, and"
         " without one for real vehicles"
     )
+
+
+def _is_in_step(vehicle: VehicleState) -> bool:
+    rate = clock_rate(vehicle)
+    return rate is not None and abs(rate - 1.0) <= CLOCK_TOLERANCE
 
 
 def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = False) -> list[str]:
@@ -91,7 +107,7 @@ def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = Fal
         unmet.append("it has no 3-D GPS fix")
     if vehicle.position_enu is None or vehicle.position is None:
         unmet.append("it does not report its position (GLOBAL_POSITION_INT)")
-    elif vehicle.position.epoch_utc_s is None or clock_rate(vehicle) is None:
+    elif vehicle.position.epoch_utc_s is None or not _is_in_step(vehicle):
         unmet.append("its clock is not known yet (SYSTEM_TIME)")
     if vehicle.launch_enu is None:
         unmet.append("it has no home position (HOME_POSITION)")
@@ -176,6 +192,7 @@ class Preflight:
         mission: The mission.
         fleet: The vehicles.
         now: Controller's time, s.
+        hiccup_s: Delay that this computer may be to blame for, s.
         shadow: Whether others fly the vehicles.
 
     Attributes:
@@ -184,8 +201,17 @@ class Preflight:
         complete: Whether every check of every vehicle has passed.
     """
 
-    def __init__(self, mission: Mission, fleet: Fleet, now: float, *, shadow: bool = False) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        fleet: Fleet,
+        now: float,
+        hiccup_s: float = 0.0,
+        *,
+        shadow: bool = False,
+    ) -> None:
         self._shadow = shadow
+        self._hiccup_s = hiccup_s
         self._mission = mission
         self._fleet = fleet
         self._since = now
@@ -215,7 +241,9 @@ class Preflight:
     def step(self, now: float) -> list[Command]:
         """Advance with time; returns what to ask the vehicles."""
         vehicles = list(self._fleet.vehicles.values())
-        fault = next((text for v in vehicles if (text := clock_fault(v)) is not None), None)
+        fault = next(
+            (text for v in vehicles if (text := clock_fault(v, self._hiccup_s)) is not None), None
+        )
         if fault is not None:
             self.failure = Failure("clock_mismatch", fault)
             return []

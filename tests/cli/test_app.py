@@ -239,6 +239,23 @@ def test_a_broker_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> 
     assert str(port) in errors
 
 
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--listen", "udpin://127.0.0.1:1"), "--listen goes with --receivers-only"),
+        (("--receivers-only", "--speedup", "5"), "leave --speedup out"),
+        (("--receivers-only", "--listen", "14600"), "'14600' is no MAVLink link"),
+        (("--receivers-only", "--listen", "tcp://127.0.0.1:1"), "it should be udpin://host:port"),
+    ],
+)
+def test_receivers_that_cannot_be_meant_are_bad_input(
+    tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    code, _, errors = swarmctl("sim", "sitl_px4", *arguments, cwd=tmp_path)
+    assert code == 2
+    assert says in errors
+
+
 @pytest.mark.parametrize("broker", ["http://localhost", "mqtts://localhost"])
 def test_a_broker_that_cannot_be_meant_is_bad_input(
     short_mission: Short, tmp_path: Path, broker: str
