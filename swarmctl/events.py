@@ -477,6 +477,49 @@ class Estimate(Decision, frozen=True):
     rd_count: int
 
 
+class ReceiverEstimate(Decision, frozen=True):
+    """What one receiver's clock and navigation are estimated to be off, against another's.
+
+    Everything is the receiver's less the same of ``relative_to``: only differences can be
+    observed. What is not modelled is 0 with a sigma of 0.
+
+    Attributes:
+        epoch_utc_s: Epoch the states refer to, UTC s.
+        receiver: System id of the UAV that carries the receiver.
+        relative_to: System id of the one it is compared with, the reference.
+        clock_m: Clock error times the speed of light, m; late stamps are positive.
+        clock_sigma_m: Its 1-sigma, m.
+        drift_mps: Rate of ``clock_m``, m/s.
+        drift_sigma_mps: Its 1-sigma, m/s.
+        navigation_enu: Navigation error, reported less true position, m.
+        navigation_sigma_enu: Its 1-sigma per axis, m.
+    """
+
+    epoch_utc_s: float
+    receiver: int
+    relative_to: int
+    clock_m: float
+    clock_sigma_m: float
+    drift_mps: float
+    drift_sigma_mps: float
+    navigation_enu: Vector
+    navigation_sigma_enu: Vector
+
+
+class HealthChanged(Decision, frozen=True):
+    """The track's health is another from here on.
+
+    Attributes:
+        status: What the track is worth now.
+        cause: What is wrong with it; None if nothing is, or it has just begun.
+        detail: One sentence for the operator.
+    """
+
+    status: Literal["initialising", "tracking", "degraded", "diverged"]
+    cause: Literal["noise", "correlated", "rejected", "too_quiet"] | None
+    detail: str
+
+
 class Slot(msgspec.Struct, frozen=True):
     """Where one vehicle should be now, the velocity commanded to it, and its measured error.
 

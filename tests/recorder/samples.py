@@ -86,6 +86,12 @@ ONE_OF_EACH: tuple[Record, ...] = (
         at_s=1.0, epoch_utc_s=1.79e9, position_enu=VECTOR, velocity_enu=VECTOR,
         covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
     ),
+    events.ReceiverEstimate(
+        at_s=1.0, epoch_utc_s=1.79e9, receiver=2, relative_to=1, clock_m=4.5, clock_sigma_m=1.2,
+        drift_mps=0.06, drift_sigma_mps=0.01, navigation_enu=VECTOR, navigation_sigma_enu=VECTOR,
+    ),
+    events.HealthChanged(at_s=1.0, status="tracking", cause=None, detail="All is well."),
+    events.HealthChanged(at_s=1.0, status="degraded", cause="noise", detail="A sentence."),
     events.Plan(
         at_s=1.0, reference=1, los_rad=0.5, formed=True,
         slots=(

@@ -126,6 +126,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
         ("OperatorRequest", "/operator/OperatorRequest"),
         ("InputRejected", "/input/InputRejected"),
         ("Estimate", "/decision/Estimate"),
+        ("ReceiverEstimate", "/decision/ReceiverEstimate"),
         ("GoTo", "/command/GoTo/3"),
     ],
 )
