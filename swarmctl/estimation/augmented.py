@@ -245,7 +245,10 @@ def update(
     narrowed = P - gain @ HP
     if not np.isfinite(found.sum() + narrowed.sum()):
         raise EstimationError("The update has no finite result: its numbers exceed float64.")
-    root = np.linalg.cholesky(S)
+    try:
+        root = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError:
+        raise EstimationError("The update is singular: a covariance is not one.") from None
     white = np.linalg.solve(root, nu[..., None])[..., 0]
     likelihood = -0.5 * np.vecdot(white, white) - np.log(np.linalg.diagonal(root)).sum(-1)
     return Posterior(found, 0.5 * (narrowed + narrowed.mT), likelihood)

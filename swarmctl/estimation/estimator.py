@@ -98,6 +98,8 @@ class Estimator:
         verdict: Health after the newest rows.
         used: Rows used.
         aside: Rows set aside as echoes.
+        innovation: Of the newest rows less those set aside, whitened, (k,): independent unit
+            normal numbers if all is right. Empty while rows are collected.
 
     Args:
         prior: Of position and velocity, d axes each, at the first epoch.
@@ -148,6 +150,7 @@ class Estimator:
         self._places: dict[int, int] = {}
         self._health = Health()
         self.verdict = Verdict("initialising", None, 1.0, 0.0, 0.0)
+        self.innovation: Array = np.zeros(0)
         # Modes x models: states, covariances, probabilities; and each mode's trajectory.
         n = 2 * self._d
         self._x: Array = np.zeros((0, self._models, n))
@@ -179,15 +182,18 @@ class Estimator:
         Raises:
             EstimationError: The rows' numbers have no finite result.
         """
-        if not len(self._x) and self._collected is None:
-            self._begin(rows)
-        if self._collected is None:
-            self._advance(rows)
-            return True
-        self._collected.append(rows)
-        self.epoch_s = max(self.epoch_s, rows.epoch_s)
-        if is_ready(self._collected):
-            self._acquire(self._collected)
+        try:
+            if not len(self._x) and self._collected is None:
+                self._begin(rows)
+            if self._collected is None:
+                self._advance(rows)
+                return True
+            self._collected.append(rows)
+            self.epoch_s = max(self.epoch_s, rows.epoch_s)
+            if is_ready(self._collected):
+                self._acquire(self._collected)
+        except np.linalg.LinAlgError:
+            raise EstimationError("The rows' numbers have no finite result.") from None
         return self._collected is None
 
     def estimates(self) -> list[Estimate]:
@@ -215,23 +221,41 @@ class Estimator:
         if not len(self._x):
             raise EstimationError("There is no estimate yet.")
         best = self.estimates()[0]
+        x, P = self._mode_at(int(np.argmax(self._log_probability)), epoch_s)
+        return best._replace(epoch_s=epoch_s, x=x, P=P)
+
+    def mixture_to(self, epoch_s: float) -> Estimate:
+        """As :meth:`predict_to`, but with the covariance of all modes together about its mean.
+
+        For who must not trust one of several mirror images.
+
+        Raises:
+            EstimationError: There is no estimate yet.
+        """
+        best = self.predict_to(epoch_s)
+        modes = [self._mode_at(k, epoch_s) for k in range(len(self._x))]
+        off = np.stack([x for x, _ in modes]) - best.x
+        covariances = np.stack([P for _, P in modes]) + off[:, :, None] * off[:, None, :]
+        return best._replace(P=(self._probabilities()[:, None, None] * covariances).sum(0))
+
+    def _mode_at(self, k: int, epoch_s: float) -> tuple[Array, Array]:
+        """Emitter by mode k at another epoch."""
+        d, n = self._d, 2 * self._d
         dt = epoch_s - self.epoch_s
         if dt <= 0.0:
-            F = np.eye(2 * self._d)
-            F[: self._d, self._d :] = dt * np.eye(self._d)
-            return best._replace(epoch_s=epoch_s, x=F @ best.x, P=F @ best.P @ F.T)
-        n = 2 * self._d
-        k = int(np.argmax(self._log_probability))
+            x, P = matched(self._x[k, :, :n], self._P[k, :, :n, :n], self._weight[k])
+            F = np.eye(n)
+            F[:d, d:] = dt * np.eye(d)
+            return F @ x, F @ P @ F.T
         model = int(np.argmax(self._weight[k]))
-        x, P = predict(
+        return predict(
             self._x[k, model, :n],
             self._P[k, model, :n, :n],
             dt,
             self._psd_of_models()[model],
             ReceiverErrors(),
-            ReceiverErrors().layout(self._d),
+            ReceiverErrors().layout(d),
         )
-        return best._replace(epoch_s=epoch_s, x=x, P=P)
 
     def limits(self) -> Limits:
         """What limits the accuracy of the most probable mode now; the rest is noise."""
@@ -272,11 +296,36 @@ class Estimator:
         Raises:
             EstimationError: It has not been heard.
         """
+        own = self._states_of(receiver)
+        return self._of_states(np.eye(self._x.shape[-1])[own])
+
+    def relative(self, receiver: int, to: int) -> tuple[Array, Array]:
+        """Errors of a receiver less those of another, and the covariance of the differences.
+
+        Range differences tell no more of the errors than this.
+
+        Args:
+            receiver: Its id.
+            to: Id of the other.
+
+        Returns:
+            (size,) and (size, size), as :meth:`receiver`, by the most probable mode.
+
+        Raises:
+            EstimationError: One of them has not been heard.
+        """
+        each = np.eye(self._x.shape[-1])
+        return self._of_states(each[self._states_of(receiver)] - each[self._states_of(to)])
+
+    def _states_of(self, receiver: int) -> slice:
         if receiver not in self._places or not len(self._x):
             raise EstimationError(f"Receiver {receiver} has not been heard.")
-        own = slice(self._places[receiver], self._places[receiver] + self._layout.size)
+        return slice(self._places[receiver], self._places[receiver] + self._layout.size)
+
+    def _of_states(self, of: Array) -> tuple[Array, Array]:
+        """Mean and covariance of linear functions of the most probable mode's states."""
         k = int(np.argmax(self._log_probability))
-        return matched(self._x[k, :, own], self._P[k, :, own, own], self._weight[k])
+        return matched(self._x[k] @ of.T, of @ self._P[k] @ of.T, self._weight[k])
 
     # --- The beginning -----------------------------------------------------------------
 
@@ -400,7 +449,7 @@ class Estimator:
         self.aside += len(kept) - count
         good = rows if count == len(kept) else rows.where(kept)
         root = np.linalg.cholesky(S[np.ix_(kept, kept)])
-        white = np.linalg.solve(root, nu[kept])
+        self.innovation = white = np.linalg.solve(root, nu[kept])
         pairs = tuple(zip(good.first, good.second, strict=True))
         self.verdict = self._health.add(
             self.epoch_s, pairs, white, len(kept) - count, screened.aside

@@ -81,6 +81,9 @@ def test_numbers_that_are_none_are_refused() -> None:
     wrong = one._replace(rd=np.array([1.0, np.nan, 1.0]))
     with pytest.raises(EstimationError, match="no finite result"):
         update(np.zeros(4), np.eye(4), wrong, {}, ReceiverErrors().layout(2))
+    wrong = one._replace(covariance=-1e6 * np.eye(3))
+    with pytest.raises(EstimationError, match="a covariance is not one"):
+        update(np.zeros(4), np.eye(4), wrong, {}, ReceiverErrors().layout(2))
 
 
 def test_the_bound_without_errors_is_that_of_the_emitter_alone() -> None:

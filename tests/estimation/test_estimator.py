@@ -107,11 +107,16 @@ def test_a_mirror_image_is_carried_until_a_receiver_leaves_the_line() -> None:
     assert [e.probability for e in both] == pytest.approx([0.5, 0.5], abs=0.02)
     east = sorted(float(e.x[0]) for e in both)
     assert east[0] == pytest.approx(-east[1], rel=0.05)
+    best, together = track.predict_to(7.0), track.mixture_to(7.0)
+    np.testing.assert_array_equal(together.x, best.x)
+    apart = (east[1] - east[0]) ** 2 * both[1].probability
+    assert together.P[0, 0] == pytest.approx(apart, rel=0.1)
     off = LINE.copy()
     off[0, 0] = 60.0
     for k in range(60, 75):
         track.update(hovering(0.1 * k, emitter, off, rng))
     assert track.is_resolved
+    np.testing.assert_allclose(track.mixture_to(9.0).P, track.predict_to(9.0).P, rtol=1e-12)
     found = track.estimates()[0]
     assert nees((found.x[:2] - emitter), found.P[:2, :2]) < chi2.ppf(0.999, 2)
 
@@ -182,8 +187,51 @@ def test_it_tells_what_limits_it_and_what_a_receiver_s_errors_are() -> None:
     errors, covariance = track.receiver(2)
     assert errors.shape == (4,)
     assert covariance[0, 0] < 9.0**2
+    # What they have in common nobody can measure, and it is no part of their difference.
+    other, of_other = track.receiver(1)
+    between, of_between = track.relative(2, 1)
+    np.testing.assert_allclose(between, errors - other, rtol=1e-9, atol=1e-9)
+    assert of_between[0, 0] < 0.5 * (covariance + of_other)[0, 0]
+    np.testing.assert_allclose(track.relative(1, 2)[1], of_between, rtol=1e-9, atol=1e-9)
+    with pytest.raises(EstimationError, match="Receiver 9 has not been heard"):
+        track.relative(2, 9)
     with pytest.raises(EstimationError, match="Receiver 9 has not been heard"):
         track.receiver(9)
+
+
+def test_innovations_are_unit_normal_and_those_set_aside_are_none() -> None:
+    run = flight(np.random.default_rng(7), REAL, 8.0)
+    track = tracked(run.rows[:1], run.emitter[0])
+    white = []
+    for rows in run.rows[1:-1]:
+        track.update(rows)
+        white.append(track.innovation)
+    squares = np.concatenate(white) ** 2
+    assert chi2.ppf(0.001, squares.size) < squares.sum() < chi2.ppf(0.999, squares.size)
+    track.update(run.rows[-1]._replace(rd=run.rows[-1].rd + np.array([1e4, -1e4, 3e4])))
+    assert track.innovation.size == 0
+    wide = Estimator(Prior(run.emitter[0], IGNORANT), REAL, (0.01, 0.01))
+    assert not wide.update(run.rows[0])
+    assert wide.innovation.size == 0
+
+
+def test_rows_whose_covariance_is_none_are_refused() -> None:
+    run = flight(np.random.default_rng(8), ReceiverErrors(), 1.0)
+    start = Prior(run.emitter[0], np.diag([33.0**2, 33.0**2, 10.0**2, 10.0**2]))
+    track = Estimator(start, ReceiverErrors(), (0.0, 0.0))
+    track.update(run.rows[0])
+    rows, twice = run.rows[-1], [0, 0]
+    copies = Rows(
+        rows.epoch_s,
+        [0, 0],
+        [1, 1],
+        rows.first_at[twice],
+        rows.second_at[twice],
+        rows.rd[twice],
+        np.zeros((2, 2)),
+    )
+    with pytest.raises(EstimationError, match="no finite result"):
+        track.update(copies)
 
 
 def test_a_track_begins_again_from_another_prior() -> None:
