@@ -464,6 +464,8 @@ class Estimate(Decision, frozen=True):
         position_enu: Position, m.
         velocity_enu: Velocity, m/s.
         covariance: Row-major 6 x 6 covariance of (position, velocity), SI.
+        probability: That the emitter is here and not at another place that is still possible;
+            the covariance spans all of them.
         nis: Normalised innovation squared of the update (chi-squared, ``rd_count`` degrees of
             freedom, if the filter is consistent).
         rd_count: Range differences in the update.
@@ -475,6 +477,7 @@ class Estimate(Decision, frozen=True):
     covariance: tuple[float, ...]
     nis: float
     rd_count: int
+    probability: float = 1.0
 
 
 class ReceiverEstimate(Decision, frozen=True):

@@ -81,6 +81,14 @@ class Reporter:
         self._console.print(Text(text, style=_STYLES[notice.level]), soft_wrap=True)
 
 
+_HEALTH: dict[str, str] = {
+    "initialising": "yellow",
+    "tracking": "green",
+    "degraded": "yellow",
+    "diverged": "bold red",
+}
+
+
 def headless_line(snapshot: Snapshot) -> str:
     """One line: time, phase, progress, estimate, formation."""
     parts = [f"[{snapshot.elapsed_s:5.0f} s] {snapshot.phase:<11} {snapshot.progress}"]
@@ -88,7 +96,8 @@ def headless_line(snapshot: Snapshot) -> str:
     if estimate.rd_count:
         parts.append(
             f"emitter ± {estimate.sigma_major_m:.1f} m (1σ), NIS {estimate.nis:.1f}"
-            f" of {estimate.rd_count}, {snapshot.rd_rate_hz:.0f} RD/s"
+            f" of {estimate.rd_count}, {snapshot.rd_rate_hz:.0f} RD/s, {estimate.health},"
+            f" limited by {estimate.limit}"
         )
     errors = [v.slot_error_m for v in snapshot.vehicles if v.slot_error_m is not None]
     ranges = [
@@ -155,7 +164,15 @@ def _estimate(snapshot: Snapshot) -> Text:
     text.append(
         f"   {snapshot.rd_rate_hz:.0f} RD/s", style="green" if estimate.age_s < 2 else "red"
     )
-    text.append(f"   {snapshot.rd_used} used, {snapshot.rd_dropped} dropped", style="dim")
+    text.append(
+        f"   {snapshot.rd_used} used, {snapshot.rd_aside} set aside as echoes,"
+        f" {snapshot.rd_dropped} dropped",
+        style="dim",
+    )
+    text.append(f"\n{estimate.health:<9}", style=_HEALTH[estimate.health])
+    text.append(f"limited by {estimate.limit}")
+    if estimate.health in {"degraded", "diverged"}:
+        text.append(f"   {estimate.why}", style=_HEALTH[estimate.health])
     return text
 
 

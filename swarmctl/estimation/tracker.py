@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation import motion, ncrkf
+from swarmctl.estimation import motion
 from swarmctl.estimation.alignment import PositionHistory, Vector
-from swarmctl.estimation.arguments import Array, as_covariance, as_finite, as_not_negative
+from swarmctl.estimation.arguments import Array, as_finite, as_not_negative
+from swarmctl.estimation.augmented import star
+from swarmctl.estimation.health import Verdict
+from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.pairing import (
     SPEED_OF_LIGHT_MPS,
     Arrival,
@@ -25,7 +28,8 @@ from swarmctl.estimation.pairing import (
     Pairing,
     differences,
 )
-from swarmctl.estimation.rd_model import rd_covariance
+from swarmctl.estimation.rd_model import effective_covariance, rd_covariance
+from swarmctl.estimation.track import Track
 
 _ABSURD = 1e6
 """No UAV, range difference or sigma of this system reaches a thousand kilometres (nor a
@@ -39,28 +43,29 @@ class TrackUpdate(NamedTuple):
 
     Attributes:
         epoch_s: Epoch the state refers to, s: that of the newest measurement used.
-        position: East, north, up, m.
+        position: East, north, up, m, where it most probably is.
         velocity: East, north, up, m/s.
-        covariance: Of [position, velocity], (6, 6), SI.
+        covariance: Of [position, velocity], (6, 6), SI; it spans the places not excluded yet.
+        probability: That the emitter is here and not at one of those.
         nis: Normalised innovation squared, chi-squared with ``rd_count`` degrees of freedom.
-        rd_count: Range differences in this update.
-        guarded: Whether the filter's guard fired.
+        rd_count: Range differences in this update, without those set aside as echoes.
     """
 
     epoch_s: float
     position: Vector
     velocity: Vector
     covariance: Array
+    probability: float
     nis: float
     rd_count: int
-    guarded: bool
 
 
 class Tracker:
     """Estimates one emitter from a swarm's positions and range differences or arrival times.
 
-    The prior holds at the epoch of the first measurement used. Range differences of one epoch
-    and reference are one measurement, with the noise they share. Those that arrive after the
+    What estimates is a :class:`~swarmctl.estimation.track.Track`; this is the live feed before
+    it. The prior holds at the epoch of the first measurement used. Range differences of one
+    epoch and reference are one measurement, with the noise they share. Those that arrive after the
     rest of their epoch was used are an update of their own: right but for that shared noise.
 
     Arrival times of one burst are one measurement, too, once it waits for no receiver
@@ -68,7 +73,6 @@ class Tracker:
     arrival time is the epoch. A burst must not come in both ways, or it counts twice.
 
     Attributes:
-        used: Range differences used.
         dropped: What was not used, by reason. Range differences: ``invalid`` (not finite,
             absurd, sigma <= 0, rho outside [0, 1), receiver = reference), ``duplicate``,
             ``too_old`` (more than ``history_s`` behind the track), ``no_position`` (a
@@ -79,12 +83,11 @@ class Tracker:
             (not finite or absurd).
         complaints: A sentence for each way in which receivers' bursts were first seen not to
             fit together.
-        guard_firings: Updates in which the filter's guard fired.
 
     Args:
-        prior_mean: Position and velocity, (6,), m and m/s, ENU.
-        prior_covariance: (6, 6), positive definite. The height of an emitter on the ground or
-            the sea is a small variance here.
+        track: What estimates, begun from ``prior``.
+        prior: Of position and velocity, (6,), m and m/s, ENU. The height of an emitter on the
+            ground or the sea is a small variance here.
         vehicles: System ids of the UAVs that may measure.
         sigma_p_m: 1-sigma of the vehicles' reported positions, per axis, m.
         process_noise: Spectral density of the emitter's acceleration, (3,), m²/s³.
@@ -96,14 +99,13 @@ class Tracker:
         max_extrapolation_s: How far from its nearest sample a vehicle's position is used, s.
 
     Raises:
-        EstimationError: An argument has the wrong shape, is not finite or negative, or the
-            prior is not positive definite.
+        EstimationError: An argument has the wrong shape, is not finite or negative.
     """
 
     def __init__(
         self,
-        prior_mean: ArrayLike,
-        prior_covariance: ArrayLike,
+        track: Track,
+        prior: Prior,
         *,
         vehicles: Collection[int],
         sigma_p_m: float,
@@ -113,11 +115,9 @@ class Tracker:
         history_s: float = 5.0,
         max_extrapolation_s: float = 0.5,
     ) -> None:
-        self._x = as_finite("prior_mean", prior_mean, 6)
-        self._P = as_covariance("prior_covariance", prior_covariance, 6, 6)
+        self._track = track
+        self._prior = prior
         self._psd = as_finite("process_noise", process_noise, 3)
-        if self._x.ndim != 1 or self._P.ndim != 2 or self._psd.ndim != 1:
-            raise EstimationError("A tracker has one prior: no leading axes.")
         motion.process_noise(0.0, self._psd)
         self._vehicles = frozenset(vehicles)
         self._sigma_p = as_not_negative("sigma_p_m", sigma_p_m)
@@ -125,7 +125,7 @@ class Tracker:
         self._history_s = as_not_negative("history_s", history_s)
         self._reach_s = as_not_negative("max_extrapolation_s", max_extrapolation_s)
 
-        self._epoch_s: float | None = None
+        self._begun_s: float | None = None
         self._newest_position_s = -math.inf
         self._positions: dict[int, PositionHistory] = {}
         self._pending: dict[tuple[float, int], dict[int, Measurement]] = {}
@@ -135,15 +135,28 @@ class Tracker:
             self._vehicles, as_not_negative("max_burst_wait_s", max_burst_wait_s)
         )
 
-        self.used = 0
         self.dropped = self._pairing.dropped
         self.complaints = self._pairing.complaints
-        self.guard_firings = 0
 
     @property
     def epoch_s(self) -> float | None:
         """Epoch of the track, s; None before the first measurement."""
-        return self._epoch_s
+        return None if self._begun_s is None else self._track.epoch_s
+
+    @property
+    def used(self) -> int:
+        """Range differences used."""
+        return self._track.used
+
+    @property
+    def aside(self) -> int:
+        """Range differences set aside as echoes."""
+        return self._track.aside
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the track may be believed."""
+        return self._track.verdict
 
     def add_position(
         self, vehicle: int, epoch_s: float, position_enu: Vector, velocity_enu: Vector
@@ -280,19 +293,28 @@ class Tracker:
             epoch_s: s. Before the track's own epoch the state goes back without process noise.
 
         Returns:
-            x (6,) and P (6, 6); the prior before the first measurement.
+            x (6,) and P (6, 6): the most probable state, with the covariance of all that are
+            still possible; while there is none the prior, grown old.
 
         Raises:
             EstimationError: The epoch is not finite.
         """
         if not math.isfinite(epoch_s):
             raise EstimationError(f"epoch_s must be finite, not {epoch_s!r}.")
-        if self._epoch_s is None:
-            return self._x.copy(), self._P.copy()
-        dt = epoch_s - self._epoch_s
-        if dt < 0.0:
-            return motion.transport(self._x, self._P, dt)
-        return motion.predict(self._x, self._P, dt, self._psd)
+        if self._track.estimates():
+            estimate = self._track.mixture_to(epoch_s)
+            return estimate.x.copy(), estimate.P.copy()
+        return self._aged_prior(epoch_s)
+
+    def restart(self) -> None:
+        """Begin again from the prior as it is by now; the counts go on."""
+        if self._begun_s is not None:
+            self._track.restart(Prior(*self._aged_prior(self._track.epoch_s)))
+
+    def _aged_prior(self, epoch_s: float) -> tuple[Array, Array]:
+        x, P = self._prior
+        elapsed_s = 0.0 if self._begun_s is None else max(0.0, epoch_s - self._begun_s)
+        return motion.predict(x, P, elapsed_s, self._psd)
 
     def _require_known(self, name: str, vehicle: int) -> None:
         if vehicle not in self._vehicles:
@@ -343,7 +365,7 @@ class Tracker:
     def _use(
         self, epoch_s: float, reference: int, measurements: dict[int, Measurement]
     ) -> TrackUpdate | None:
-        if self._epoch_s is not None and epoch_s < self._epoch_s - self._history_s:
+        if self._begun_s is not None and epoch_s < self._track.epoch_s - self._history_s:
             self.dropped["too_old"] += len(measurements)
             return None
         reference_at = self._position_at(reference, epoch_s)
@@ -359,38 +381,37 @@ class Tracker:
             return None
 
         rd, sigma, rho = np.array([measurements[receiver] for receiver in receivers]).T
-        track_epoch_s = epoch_s if self._epoch_s is None else max(self._epoch_s, epoch_s)
-        x, P = self.predict_to(epoch_s)
+        rows = star(
+            epoch_s,
+            reference,
+            np.array(reference_at),
+            receivers,
+            np.array([companions[receiver] for receiver in receivers]),
+            rd,
+            effective_covariance(rd_covariance(sigma, rho), self._sigma_p),
+        )
         try:
-            result = ncrkf.update(
-                x,
-                P,
-                np.array(reference_at),
-                np.array([companions[receiver] for receiver in receivers]),
-                rd,
-                rd_covariance(sigma, rho),
-                self._sigma_p,
-            )
+            has_estimate = self._track.update(rows)
         except EstimationError:
             self.dropped["singular"] += len(receivers)
             return None
-        self._x, self._P = result.x, result.P
-        if epoch_s < track_epoch_s:
-            self._x, self._P = motion.transport(self._x, self._P, track_epoch_s - epoch_s)
-        self._epoch_s = track_epoch_s
+        if self._begun_s is None:
+            self._begun_s = epoch_s
         self._used_receivers.setdefault((epoch_s, reference), set()).update(receivers)
-        guarded = bool(result.guarded)
-        self.used += len(receivers)
-        self.guard_firings += guarded
-        east, north, up, v_east, v_north, v_up = self._x.tolist()
+        return self._updated() if has_estimate else None
+
+    def _updated(self) -> TrackUpdate:
+        track = self._track
+        estimate = track.mixture_to(track.epoch_s)
+        east, north, up, v_east, v_north, v_up = estimate.x.tolist()
         return TrackUpdate(
-            track_epoch_s,
+            track.epoch_s,
             (east, north, up),
             (v_east, v_north, v_up),
-            self._P.copy(),
-            float(result.nis),
-            len(receivers),
-            guarded,
+            estimate.P.copy(),
+            estimate.probability,
+            float(track.innovation @ track.innovation),
+            len(track.innovation),
         )
 
     def _position_at(self, vehicle: int, epoch_s: float) -> Vector | None:

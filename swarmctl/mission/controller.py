@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from swarmctl.estimation.health import sentence
 from swarmctl.events import (
     ArrivalTime,
     Command,
@@ -25,6 +26,7 @@ from swarmctl.events import (
     Decision,
     FeedConnection,
     GoTo,
+    HealthChanged,
     InputRejected,
     LinkConnection,
     MissionEnded,
@@ -49,6 +51,8 @@ from swarmctl.mission.observer import Observer
 from swarmctl.mission.phases import FLYING_FORMATION, Phase, Trigger, can, next_phase
 from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.preflight import Preflight
+from swarmctl.mission.target import Target
+from swarmctl.mission.trust import Reliance, Trust
 from swarmctl.mission.watch import Failure, Watch
 
 PERIOD_S = 0.1
@@ -86,6 +90,7 @@ class Controller:
             {v.sysid: VehicleState(v.sysid, v.altitude_amsl_m) for v in mission.swarm.vehicles},
         )
         self.observer = Observer(mission, hiccup_s)
+        self._reliance = Reliance(self.observer.target)
         self.planner = Planner(mission)
         self.phase = Phase.WAITING
         self.plan: Plan | None = None
@@ -102,6 +107,7 @@ class Controller:
         self._failed_on_ground: Failure | None = None
         self._planned: Planned | None = None
         self._worst_error_m = 0.0
+        self._is_track_doubted = False
         self._result = ("", "")
         self._commands: list[Command] = []
         self._decisions: list[Decision] = []
@@ -118,7 +124,7 @@ class Controller:
                 self._receive_vehicle(event, now)
             case RangeDifferences():
                 self.observer.range_differences(event)
-                self._decisions += self.observer.process(now)
+                self._estimate(now)
             case ArrivalTime():
                 self.observer.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
@@ -138,9 +144,9 @@ class Controller:
         self._last_tick = now
         # A late caller does not make up for lost periods in a burst.
         self._next_tick = max(self._next_tick + PERIOD_S, now)
-        self._decisions += self.observer.process(now)
-        for sentence in self.observer.complaints():
-            self._say(now, "warning", sentence)
+        self._estimate(now)
+        for complaint in self.observer.complaints():
+            self._say(now, "warning", complaint)
         match self.phase:
             case Phase.WAITING | Phase.CHECKING:
                 self._prepare(now)
@@ -194,6 +200,8 @@ class Controller:
                 return f"{self._launch.at_altitude} of {len(vehicles)} vehicles at altitude"
             case Phase.FORMING:
                 return f"worst slot error {self._worst_error_m:.0f} m"
+            case phase if phase in FLYING_FORMATION and self._reliance.trust is Trust.NONE:
+                return "holding until the emitter is found again"
             case Phase.APPROACHING:
                 return f"{self.planner.to_orbit_m(self.observer.target):.0f} m to the orbit"
             case Phase.ORBITING:
@@ -291,15 +299,23 @@ class Controller:
             here = vehicle.position_at(utc) if utc is not None else None
             if here is not None:
                 positions[i] = here[:2]
-        self.observer.predict(utc)
-        self.planner.begin(positions, self.observer.target)
+        self.planner.begin(positions, self._aim(utc))
+
+    def _aim(self, utc: float | None) -> Target:
+        """The estimate of now, as far as guidance may rely on it."""
+        observer = self.observer
+        observer.predict(utc)
+        self._reliance.review(
+            observer.target, observer.verdict.status, restarted=observer.restarted
+        )
+        return self._reliance.target
 
     def _fly(self, now: float, dt: float) -> None:
         utc = self.fleet.utc(now)
-        self.observer.predict(utc)
+        target = self._aim(utc)
         launch = np.array([v.launch_enu for v in self.fleet.vehicles.values()])[:, :2]
         planned = self.planner.step(
-            self.phase, self.observer.target, self._worst_error_m, launch, dt
+            self.phase, target, self._worst_error_m, launch, dt, self._reliance.trust
         )
         self._planned = planned
         self._command(planned)
@@ -321,8 +337,8 @@ class Controller:
                 self._move(Trigger.HOME, reason, now)
             return
         members = self._membership
-        for sentence in members.take_in_again(utc, now, self._is_ours):
-            self._say(now, "warning", sentence, once=False)
+        for rejoined in members.take_in_again(utc, now, self._is_ours):
+            self._say(now, "warning", rejoined, once=False)
         excused = self._custody.released | members.lost.keys()
         failure = self._watch.in_flight(self.fleet, excused, not self._shadow, now)
         loss = None
@@ -330,7 +346,7 @@ class Controller:
             loss = members.do_without(
                 failure,
                 self.phase,
-                self.observer.target,
+                target,
                 rereferences=self.observer.rereferences,
             )
         if loss is not None:
@@ -342,11 +358,11 @@ class Controller:
         )
         if failure is not None:
             self._fail(failure, now)
-        else:
-            self._advance(now)
+        elif self._reliance.trust is not Trust.NONE:
+            self._advance(target, now)
 
-    def _advance(self, now: float) -> None:
-        goal, target = self.mission.goal, self.observer.target
+    def _advance(self, target: Target, now: float) -> None:
+        goal = self.mission.goal
         if self.phase is Phase.FORMING and self._worst_error_m < FORMED_M:
             self._move(Trigger.FORMED, "every follower is in its slot", now)
         elif self.phase is Phase.APPROACHING and self.planner.at_radius(target):
@@ -356,10 +372,10 @@ class Controller:
             and now - self._phase_since >= goal.orbit_s
             and target.sigma_m <= goal.sigma_m
         ):
-            self._result = (
-                "located",
-                f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)",
-            )
+            detail = f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)"
+            if self._reliance.trust is not Trust.FULL:
+                detail += f", if that may be believed: {sentence(self.observer.verdict)}"
+            self._result = ("located", detail)
             self._move(Trigger.OBSERVED, self._result[1], now)
 
     def _come_down(self, now: float) -> None:
@@ -378,6 +394,19 @@ class Controller:
             self._end(now)
 
     # --- Details ---------------------------------------------------------------------
+
+    def _estimate(self, now: float) -> None:
+        """Use what can be used of the feed, and say what became of the track."""
+        for decision in self.observer.process(now):
+            self._decisions.append(decision)
+            if not isinstance(decision, HealthChanged):
+                continue
+            if decision.status in {"degraded", "diverged"}:
+                self._is_track_doubted = True
+                self._say(now, "warning", decision.detail, once=False)
+            elif decision.status == "tracking" and self._is_track_doubted:
+                self._is_track_doubted = False
+                self._say(now, "info", decision.detail, once=False)
 
     def _command(self, planned: Planned) -> None:
         rows = zip(
@@ -475,7 +504,12 @@ class Controller:
                 self._say(now, "warning", f"vehicle {event.sysid} says: {event.text}")
 
     def _say(
-        self, now: float, level: Literal["warning", "error"], text: str, *, once: bool = True
+        self,
+        now: float,
+        level: Literal["info", "warning", "error"],
+        text: str,
+        *,
+        once: bool = True,
     ) -> None:
         if once and text in self._notices:
             return

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -105,15 +105,23 @@ class _View:
                 value = value.get(part, info.default)
             else:  # a section left out: its default is a model
                 value = getattr(value, part, info.default)
-            if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
-                model = info.annotation
+            for kind in (info.annotation, *get_args(info.annotation)):  # a section, or none
+                if isinstance(kind, type) and issubclass(kind, BaseModel):
+                    model = kind
         return value
+
+    def has(self, path: str) -> bool:
+        """Whether a field that may be left out was given."""
+        return self._find(path) is not None
 
     def number(self, path: str) -> float:
         value = self._find(path)
         if not isinstance(value, int | float | str):
             raise _UnusableFieldError
         return float(value)
+
+    def text(self, path: str) -> str:
+        return str(self._find(path))
 
     def vehicles(self) -> Iterator[tuple[str, int, float]]:
         """Path, system id and altitude of every usable vehicle."""
@@ -202,33 +210,66 @@ def _fence_rule(view: _View) -> list[Fault]:
     fence = view.number("limits.geofence_radius_m")
     d_max = view.number("limits.d_max_m")
     radius = view.number("limits.stand_off_m") + view.number("formation.stand_off_margin_m")
-    distance = _prior_distance_m(view)
+    nearest, farthest = _prior_distances_m(view)
     # All round the emitter, with a companion behind the reference UAV.
-    needed = distance + radius + d_max
+    needed = farthest + radius + d_max
     faults = []
     if needed > fence:
         faults.append(
             Fault(
                 "limits.geofence_radius_m",
                 f"{fence:g}",
-                f"at least {needed:.0f} m: the emitter is expected {distance:.0f} m from the"
-                f" origin, and the orbit round it with the formation reaches"
-                f" {needed - distance:.0f} m farther",
+                f"at least {needed:.0f} m: the emitter is expected up to {farthest:.0f} m from"
+                f" the origin, and the orbit round it with the formation reaches"
+                f" {needed - farthest:.0f} m farther",
             )
         )
-    if distance < radius:
+    if nearest < radius:
         faults.append(
             Fault(
                 "limits.stand_off_m",
                 f"{radius - view.number('formation.stand_off_margin_m'):g}",
-                f"less than the {distance:.0f} m between the launch area and the expected"
+                f"less than the {nearest:.0f} m between the launch area and the expected"
                 " emitter, with formation.stand_off_margin_m to spare",
             )
         )
     return faults
 
 
-def _prior_distance_m(view: _View) -> float:
+_PLACE = ("emitter.lat_deg", "emitter.lon_deg", "emitter.sigma_m")
+
+
+def _prior_rule(view: _View) -> list[Fault]:
+    if not view.has("emitter.sector"):
+        return [
+            Fault(path, "missing", "this field is required, or emitter.sector instead of the place")
+            for path in _PLACE
+            if not view.has(path)
+        ]
+    faults = [
+        Fault(path, f"{view.number(path):g}", "left out: emitter.sector is given instead")
+        for path in _PLACE
+        if view.has(path)
+    ]
+    nearest, farthest = (view.number(f"emitter.sector.{end}_m") for end in ("nearest", "farthest"))
+    if nearest >= farthest:
+        faults.append(
+            Fault(
+                "emitter.sector.farthest_m",
+                f"{farthest:g}",
+                f"more than emitter.sector.nearest_m = {nearest:g}",
+            )
+        )
+    return faults
+
+
+def _prior_distances_m(view: _View) -> tuple[float, float]:
+    """Least and greatest distance of the expected emitter from the origin."""
+    if view.has("emitter.sector"):
+        return (
+            view.number("emitter.sector.nearest_m"),
+            view.number("emitter.sector.farthest_m"),
+        )
     origin = LocalFrame(
         math.radians(view.number("origin.lat_deg")),
         math.radians(view.number("origin.lon_deg")),
@@ -239,7 +280,35 @@ def _prior_distance_m(view: _View) -> float:
         math.radians(view.number("emitter.lon_deg")),
         view.number("emitter.alt_amsl_m"),
     )
-    return math.hypot(east, north)
+    distance = math.hypot(east, north)
+    return distance, distance
+
+
+_FULL_ONLY = (
+    "navigation_sigma_m",
+    "clock_bias_ns",
+    "clock_drift_ns_per_s",
+    "colour_sigma_m",
+    "manoeuvre_speed_mps",
+)
+
+
+def _filter_rule(view: _View) -> list[Fault]:
+    faults = []
+    drift, bias = view.number("filter.clock_drift_ns_per_s"), view.number("filter.clock_bias_ns")
+    if drift > 0.0 and bias == 0.0:
+        faults.append(
+            Fault("filter.clock_bias_ns", "0", "above 0, since filter.clock_drift_ns_per_s is")
+        )
+    if view.text("filter.kind") != "ncrkf":
+        return faults
+    asked = [f"filter.{name}" for name in _FULL_ONLY if view.number(f"filter.{name}") > 0.0]
+    asked += ["emitter.sector"] if view.has("emitter.sector") else []
+    if asked:
+        faults.append(
+            Fault("filter.kind", "ncrkf", f"tracker: the linear filter takes no {asked[0]}")
+        )
+    return faults
 
 
 RULES: tuple[Callable[[_View], list[Fault]], ...] = (
@@ -249,5 +318,7 @@ RULES: tuple[Callable[[_View], list[Fault]], ...] = (
     _slot_rules,
     _speed_rule,
     _fence_rule,
+    _prior_rule,
+    _filter_rule,
 )
 """Every check between fields; each names the field to change and what would be right."""

@@ -209,24 +209,66 @@ class Filter(Section):
     """What the tracker assumes.
 
     Attributes:
-        sigma_p_m: 1-sigma of a reported UAV position, per axis.
+        kind: ``tracker`` copes with all that is listed here, with echoes, and with a sector to
+            look in; ``ncrkf`` is the linear filter alone, for good clocks and white errors.
+        sigma_p_m: 1-sigma of the white error of a reported UAV position, per axis.
         process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity.
+        navigation_sigma_m: 1-sigma of the slowly changing error of a UAV's positions, per axis.
+        navigation_tau_s: Its correlation time.
+        clock_bias_ns: 1-sigma of a receiver's clock error at the beginning.
+        clock_drift_ns_per_s: 1-sigma of its drift.
+        colour_sigma_m: 1-sigma of an arrival's correlated error (multipath).
+        colour_tau_s: Its correlation time.
+        manoeuvre_speed_mps: Top speed of an emitter that may turn or stop; 0 for one that
+            drifts or stands.
     """
 
+    kind: Literal["tracker", "ncrkf"] = "tracker"
     sigma_p_m: NonNegative = 0.5
     process_noise_mps_per_sqrt_s: NonNegative = 0.02
+    navigation_sigma_m: NonNegative = 0.0
+    navigation_tau_s: Positive = 60.0
+    clock_bias_ns: NonNegative = 0.0
+    clock_drift_ns_per_s: NonNegative = 0.0
+    colour_sigma_m: NonNegative = 0.0
+    colour_tau_s: Positive = 0.5
+    manoeuvre_speed_mps: NonNegative = 0.0
 
 
-class EmitterPrior(Position):
-    """Where the emitter is believed to be before any measurement.
+class Sector(Section):
+    """A sector to look in, seen from the origin.
 
     Attributes:
-        sigma_m: 1-sigma of the horizontal position, per axis.
+        bearing_deg: Compass bearing of its middle.
+        width_deg: From edge to edge; 360 for all around.
+        nearest_m: Least distance of the emitter.
+        farthest_m: Greatest distance.
+    """
+
+    bearing_deg: Annotated[float, Field(ge=0.0, lt=360.0)]
+    width_deg: Annotated[float, Field(gt=0.0, le=360.0)]
+    nearest_m: NonNegative
+    farthest_m: Positive
+
+
+class EmitterPrior(Section):
+    """Where the emitter is believed to be before any measurement: about a place, or in a sector.
+
+    Attributes:
+        lat_deg: Latitude of the place, degrees.
+        lon_deg: Longitude of the place, degrees.
+        sigma_m: 1-sigma of the horizontal position about the place, per axis.
+        sector: The sector, instead of these three.
+        alt_amsl_m: Altitude above mean sea level, m.
         altitude_sigma_m: 1-sigma of the altitude (the sea's surface: about a metre).
         speed_sigma_mps: 1-sigma of the horizontal velocity, per axis.
     """
 
-    sigma_m: Positive
+    lat_deg: Annotated[float, Field(ge=-85.0, le=85.0)] | None = None
+    lon_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = None
+    sigma_m: Positive | None = None
+    sector: Sector | None = None
+    alt_amsl_m: Altitude
     altitude_sigma_m: Positive = 1.0
     speed_sigma_mps: Positive = 2.0
 

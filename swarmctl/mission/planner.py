@@ -26,11 +26,13 @@ from swarmctl.formation.constraints import (
 )
 from swarmctl.formation.guidance import LineOfSight, go_to
 from swarmctl.formation.separation import Bound, least_distances, separate
+from swarmctl.mission.assumptions import expected_enu
 from swarmctl.mission.lead import FENCE_MARGIN_M, Lead
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
 from swarmctl.mission.shape import Shape
 from swarmctl.mission.target import Target
+from swarmctl.mission.trust import Trust
 
 Array = NDArray[np.float64]
 Vector2 = tuple[float, float]
@@ -109,7 +111,7 @@ class Planner:
 
     def _require_fence(self) -> None:
         """A formation with slots ahead of the reference orbits farther off than others."""
-        east, north, _ = self._frame.to_enu(*self._mission.emitter.geodetic)
+        east, north, _ = expected_enu(self._mission)
         reach = math.hypot(east, north) + self._shape.orbit_m + self._mission.limits.d_max_m
         fence = self._mission.limits.geofence_radius_m
         if reach > fence:
@@ -138,6 +140,7 @@ class Planner:
         worst_error_m: float,
         launch: Array,
         dt: float,
+        trust: Trust = Trust.FULL,
     ) -> Planned:
         """Advance the plan by one control period.
 
@@ -147,9 +150,10 @@ class Planner:
             worst_error_m: Greatest measured distance of a follower from its slot, m.
             launch: (n, 2) launch points, m.
             dt: Length of the period, s.
+            trust: What the estimate is good for.
         """
         if phase in FLYING_FORMATION:
-            velocities = self._formation_velocities(phase, target, worst_error_m, dt)
+            velocities = self._formation_velocities(phase, target, worst_error_m, dt, trust)
         else:
             velocities = self._homing_velocities(launch, target)
         velocities = separate(
@@ -246,7 +250,7 @@ class Planner:
         return slots
 
     def _formation_velocities(
-        self, phase: Phase, target: Target, worst_error_m: float, dt: float
+        self, phase: Phase, target: Target, worst_error_m: float, dt: float, trust: Trust
     ) -> Array:
         limits = self._mission.limits
         # Who is lost comes to rest gently, lest those behind him have to brake out of formation.
@@ -257,11 +261,13 @@ class Planner:
         reference = self._positions[self._shape.reference]
         east, north = (reference - target.position_enu[:2]).tolist()
         # Followers are led by what the reference will do, not by what it would like to.
-        wanted = self._bend(
-            self._shape.reference,
-            self._lead.velocity(phase, target, reference, worst_error_m, dt),
-            target,
+        holds = trust is Trust.NONE
+        wished = (
+            (0.0, 0.0)
+            if holds
+            else self._lead.velocity(phase, target, reference, worst_error_m, dt)
         )
+        wanted = self._bend(self._shape.reference, wished, target)
         last = self._velocities[self._shape.reference].tolist()
         change = limit(
             (wanted[0] - last[0], wanted[1] - last[1]),
@@ -274,17 +280,22 @@ class Planner:
         relative = (velocity[0] - drift[0], velocity[1] - drift[1])
         rate = (east * relative[1] - north * relative[0]) / max(math.hypot(east, north), 1.0) ** 2
         shape = self._shape
-        # The outermost slot goes round the emitter faster than the reference UAV.
-        outermost = math.hypot(*velocity) * (1.0 + shape.d_m / max(math.hypot(east, north), 1.0))
-        spare = limits.max_speed_mps - min(limits.cruise_speed_mps, outermost)
-        shape.turn(
-            math.atan2(-north, -east),
-            rate,
-            math.hypot(east, north),
-            target.los_sigma_rad(*reference.tolist()),
-            CORRECTION_SHARE * spare / shape.d_m,
-            dt,
-        )
+        if holds:
+            shape.rest(dt)
+        else:
+            # The outermost slot goes round the emitter faster than the reference UAV.
+            out = shape.d_m / max(math.hypot(east, north), 1.0)
+            outermost = math.hypot(*velocity) * (1.0 + out)
+            spare = limits.max_speed_mps - min(limits.cruise_speed_mps, outermost)
+            shape.turn(
+                math.atan2(-north, -east),
+                rate,
+                math.hypot(east, north),
+                target.los_sigma_rad(*reference.tolist()),
+                CORRECTION_SHARE * spare / shape.d_m,
+                dt,
+                redesign=trust is Trust.FULL,
+            )
         gaps = reference + shape.offsets() - self._positions[shape.members]
         for i, gap, led in zip(
             shape.members, gaps.tolist(), (velocity + shape.velocities()).tolist(), strict=True

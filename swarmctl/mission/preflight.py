@@ -16,6 +16,7 @@ from swarmctl.events import (
     UploadFence,
 )
 from swarmctl.formation.separation import least_distances
+from swarmctl.mission.assumptions import expected_enu
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
 from swarmctl.mission.settings import Settings
@@ -141,7 +142,7 @@ def _place_checks(vehicle: VehicleState, mission: Mission) -> list[str]:
             f"it stands {distance:.0f} m from the origin, outside the geofence of"
             f" {mission.limits.geofence_radius_m:g} m"
         )
-    emitter = mission.frame.to_enu(*mission.emitter.geodetic)
+    emitter = expected_enu(mission)
     away = math.hypot(east - emitter[0], north - emitter[1])
     if away < mission.limits.stand_off_m:
         unmet.append(

@@ -15,6 +15,7 @@ from swarmctl.formation.objectives import rms
 from swarmctl.formation.requirements import Noise, Requirements
 from swarmctl.formation.separation import slot_separation
 from swarmctl.formation.slots import assign, level_design
+from swarmctl.mission.assumptions import expected_enu
 from swarmctl.mission.model import Mission
 
 HOLD_RAD = math.radians(30.0)
@@ -83,10 +84,10 @@ class Shape:
         count = len(self.members)
         if count not in self._books:
             mission = self._mission
-            limits, formation, origin = mission.limits, mission.formation, mission.frame
+            limits, formation = mission.limits, mission.formation
             radius = limits.stand_off_m + formation.stand_off_margin_m
             first = max(radius, FIRST_RANGE * self.d_m)
-            expected = origin.to_enu(*mission.emitter.geodetic)
+            expected = expected_enu(mission)
             self._books[count] = DesignBook(
                 lambda range_m: self._make(formation.design, count, range_m),
                 # Only the optimal formation bets on the line of sight.
@@ -145,6 +146,8 @@ class Shape:
         los_sigma_rad: float,
         max_correction_rads: float,
         dt: float,
+        *,
+        redesign: bool = True,
     ) -> None:
         """Follow the line of sight, and choose the design for what is known now.
 
@@ -155,6 +158,7 @@ class Shape:
             los_sigma_rad: 1-sigma of the bearing, rad.
             max_correction_rads: Limit of the correction, rad/s.
             dt: Control period, s.
+            redesign: Whether the estimate may be believed enough to change the design.
         """
         self._range_m = range_m
         if abs(wrap_angle(bearing_rad - self.los.angle_rad)) > RELABEL_RAD:
@@ -162,13 +166,18 @@ class Shape:
             self._slots, self._morphing = -self._slots, -self._morphing
             self._share_out(self._slots)
         design = self._book.choose(range_m, los_sigma_rad)
-        if design is not self._design:
+        if redesign and design is not self._design:
             self._design = design
             # From slot to slot, not from where wind and noise have put the vehicles.
             self._share_out(self._slots)
         if los_sigma_rad > HOLD_RAD:
             max_correction_rads = 0.0
         self.los = follow_line_of_sight(self.los, bearing_rad, rate_rads, max_correction_rads, dt)
+        self._morph(dt)
+
+    def rest(self, dt: float) -> None:
+        """Let the formation stand as it is drawn, for one control period."""
+        self.los = LineOfSight(self.los.angle_rad, 0.0)
         self._morph(dt)
 
     def _morph(self, dt: float) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from swarmctl.estimation.consistency import ellipse
+from swarmctl.estimation.health import Status, sentence
 from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
 
@@ -58,6 +59,9 @@ class EstimateSnapshot:
         nis: Normalised innovation squared of the last update; its mean is ``rd_count``.
         rd_count: Range differences in the last update; 0 before the first.
         age_s: Age of the last measurement used, s; infinite before the first.
+        health: What the track is worth.
+        why: A sentence on what is wrong with it, or that nothing is.
+        limit: What limits the accuracy.
     """
 
     position_enu: Vector
@@ -70,6 +74,9 @@ class EstimateSnapshot:
     nis: float
     rd_count: int
     age_s: float
+    health: Status = "initialising"
+    why: str = ""
+    limit: str = ""
 
 
 @dataclass(frozen=True)
@@ -86,6 +93,7 @@ class Snapshot:
         estimate: The emitter's estimate; the prior before any measurement.
         rd_rate_hz: Range differences used per second, over the last seconds.
         rd_used: Range differences used.
+        rd_aside: Range differences set aside as echoes.
         rd_dropped: Range differences and arrival times that could not be used.
     """
 
@@ -98,6 +106,7 @@ class Snapshot:
     estimate: EstimateSnapshot
     rd_rate_hz: float
     rd_used: int
+    rd_aside: int
     rd_dropped: int
 
 
@@ -137,6 +146,7 @@ def take_snapshot(controller: Controller, now: float) -> Snapshot:
         estimate=_estimate(controller, now),
         rd_rate_hz=observer.rate_hz(),
         rd_used=observer.used,
+        rd_aside=observer.aside,
         rd_dropped=observer.dropped,
     )
 
@@ -157,4 +167,7 @@ def _estimate(controller: Controller, now: float) -> EstimateSnapshot:
         nis=last.nis if last is not None else 0.0,
         rd_count=last.rd_count if last is not None else 0,
         age_s=now - observer.last_used_s if observer.last_used_s is not None else math.inf,
+        health=observer.verdict.status,
+        why=sentence(observer.verdict),
+        limit=observer.limit(),
     )

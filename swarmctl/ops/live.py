@@ -31,7 +31,7 @@ from swarmctl.ops.station import Station
 if TYPE_CHECKING:
     from swarmctl.link.mavsdk_backend import MavsdkLink
 
-HICCUP_S = 0.5
+HICCUP_S = 1.0
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
 ONE_INTERRUPT_S = 0.5
 """Signals this close together are one: make and timeout pass on what the process gets anyway."""

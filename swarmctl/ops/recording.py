@@ -6,8 +6,8 @@ from pathlib import Path
 from types import TracebackType
 
 from swarmctl.events import Record
+from swarmctl.mission.assumptions import emitter_prior, expected_enu, process_noise
 from swarmctl.mission.model import Mission
-from swarmctl.mission.observer import emitter_prior, process_noise
 from swarmctl.mission.phases import OBSERVING
 from swarmctl.ops.provenance import provenance
 from swarmctl.ops.station import Station
@@ -29,13 +29,13 @@ class Recording:
     def __init__(
         self, mission: Mission, mission_path: Path, out: str | Path | None, seed: int | None
     ) -> None:
-        _, covariance = emitter_prior(mission)
+        prior = emitter_prior(mission)
         self._debrief = Debrief(
             DebriefSettings(
                 frame=mission.frame,
                 reference=mission.swarm.reference,
-                prior_mean=mission.frame.to_enu(*mission.emitter.geodetic),
-                prior_covariance=covariance,
+                prior_mean=expected_enu(mission),
+                prior_covariance=prior.covariance,
                 process_noise=process_noise(mission),
                 sigma_p_m=mission.filter.sigma_p_m,
                 d_max_m=mission.limits.d_max_m,

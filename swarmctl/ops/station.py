@@ -224,7 +224,7 @@ class Station:
             "mavlink_rejected": sum(self.link.rejected.values()),
             "feed_rejected": sum(self.intake.rejected.values()),
             "rd_dropped": self.controller.observer.dropped,
-            "guard_firings": self.controller.observer.guard_firings,
+            "rd_aside": self.controller.observer.aside,
         }
 
     def _observe(self, event: Observation, now: float) -> None:

@@ -28,6 +28,8 @@ from sim.study.engagement import Engagement
 from swarmctl.estimation import filters
 from swarmctl.estimation.alignment import Vector
 from swarmctl.estimation.filters import Filter
+from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.linear_track import LinearTrack
 from swarmctl.estimation.tracker import Tracker
 from tests.benchmarks.contestants import (
     BATCH,
@@ -89,8 +91,8 @@ def live_tracker(flight: Flight) -> Contestant:
     means[:, horizontal] = start.x[:SINGLES]
     trackers = [
         Tracker(
-            mean,
-            covariance,
+            LinearTrack(Prior(mean, covariance), np.zeros(3).tolist()),
+            Prior(mean, covariance),
             vehicles=range(len(HEIGHTS)),
             sigma_p_m=flight.scans[0].sigma_p,
             process_noise=np.zeros(3),

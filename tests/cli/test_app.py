@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 
 Short = Callable[..., Path]
 
-SPEEDUP = "15"
+SPEEDUP = "10"
 REQUIRED = {
     "result",
     "duration_s",

@@ -45,9 +45,13 @@ SNAPSHOT = Snapshot(
         nis=1.83,
         rd_count=3,
         age_s=0.1,
+        health="tracking",
+        why="nothing is wrong",
+        limit="geometry",
     ),
     rd_rate_hz=30.0,
     rd_used=6000,
+    rd_aside=7,
     rd_dropped=12,
 )
 
@@ -61,7 +65,7 @@ def shown(snapshot: Snapshot, *notices: Notice) -> str:
 def test_a_line_says_where_the_mission_is() -> None:
     assert headless_line(SNAPSHOT) == (
         "[  217 s] approaching 1318 m to the orbit"
-        " | emitter ± 11.6 m (1σ), NIS 1.8 of 3, 30 RD/s"
+        " | emitter ± 11.6 m (1σ), NIS 1.8 of 3, 30 RD/s, tracking, limited by geometry"
         " | slots ≤ 0.8 m, ranges ≤ 285 of 300 m"
     )
 
@@ -89,10 +93,19 @@ def test_the_live_console_shows_phase_vehicles_and_estimate() -> None:
         "1σ 11.6 x 2.2 m",
         "NIS 1.8 of 3",
         "30 RD/s",
-        "6000 used, 12 dropped",
+        "6000 used, 7 set aside as echoes, 12 dropped",
+        "tracking limited by geometry",
         "mind the gap",
     ):
         assert part in text
+
+
+def test_a_track_that_is_not_to_be_believed_says_why() -> None:
+    estimate = replace(SNAPSHOT.estimate, health="degraded", why="receiver 3 hears echoes")
+    text = shown(replace(SNAPSHOT, estimate=estimate))
+    assert "degraded limited by geometry" in text
+    assert "receiver 3 hears echoes" in text
+    assert "nothing is wrong" not in shown(SNAPSHOT)
 
 
 def test_a_silent_vehicle_shows() -> None:
