@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -105,8 +105,9 @@ class _View:
                 value = value.get(part, info.default)
             else:  # a section left out: its default is a model
                 value = getattr(value, part, info.default)
-            if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
-                model = info.annotation
+            for kind in (info.annotation, *get_args(info.annotation)):  # X, or X | None
+                if isinstance(kind, type) and issubclass(kind, BaseModel):
+                    model = kind
         return value
 
     def number(self, path: str) -> float:
@@ -228,6 +229,15 @@ def _fence_rule(view: _View) -> list[Fault]:
     return faults
 
 
+def _echo_rule(view: _View) -> list[Fault]:
+    least, most = (view.number(f"sim.receivers.nlos_{end}_m") for end in ("min", "max"))
+    if least <= most:
+        return []
+    return [
+        Fault("sim.receivers.nlos_max_m", f"{most:g}", f"at least nlos_min_m = {least:g} m"),
+    ]
+
+
 def _prior_distance_m(view: _View) -> float:
     origin = LocalFrame(
         math.radians(view.number("origin.lat_deg")),
@@ -249,5 +259,6 @@ RULES: tuple[Callable[[_View], list[Fault]], ...] = (
     _slot_rules,
     _speed_rule,
     _fence_rule,
+    _echo_rule,
 )
 """Every check between fields; each names the field to change and what would be right."""
