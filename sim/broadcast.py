@@ -1,4 +1,4 @@
-"""What of a simulation travels over MQTT: the receivers' measurements and the emitter's truth."""
+"""What of a simulation travels over MQTT: the receivers' measurements and the truth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from sim.config import SimConfig
 from sim.emitter import Emitter
 from sim.noise import generator
 from sim.receivers import Receivers
-from swarmctl.feed.schema import TruthMessage, tdoa_topic, toa_topic, truth_topic
+from swarmctl.feed.schema import (
+    ReceiverTruthMessage,
+    TruthMessage,
+    receivers_truth_topic,
+    tdoa_topic,
+    toa_topic,
+    truth_topic,
+)
 from swarmctl.frames import LocalFrame, Vector
 
 Publication = tuple[str, bytes]
@@ -28,14 +35,28 @@ class Broadcast:
 
     Attributes:
         emitter: The emitter.
+        receivers: The receivers.
     """
 
-    __slots__ = ("_encode", "_frame", "_publish", "_receivers", "_swarm", "emitter")
+    __slots__ = (
+        "_encode",
+        "_frame",
+        "_imperfect",
+        "_publish",
+        "_swarm",
+        "emitter",
+        "receivers",
+    )
 
     def __init__(self, config: SimConfig, frame: LocalFrame, step_s: float) -> None:
         self.emitter = Emitter(config.emitter, frame, step_s, generator(config.seed, "emitter"))
         sysids = tuple(vehicle.sysid for vehicle in config.vehicles)
-        self._receivers = Receivers(config.receivers, sysids, config.seed)
+        self.receivers = Receivers(config.receivers, sysids, config.seed, config.utc_start_s)
+        self._imperfect = (
+            config.receivers.clock_bias_sigma_s > 0.0
+            or config.receivers.clock_drift_sigma > 0.0
+            or config.navigation.correlated_sigma_m > 0.0
+        )
         self._publish = config.receivers.publish
         self._frame = frame
         self._swarm = config.swarm
@@ -50,9 +71,9 @@ class Broadcast:
         """
         emitter, swarm = self.emitter.state.position_enu, self._swarm
         if self._publish == "arrival_times":
-            arrivals = self._receivers.arrivals(emitter, hearing_enu, epoch_utc_s)
+            arrivals = self.receivers.arrivals(emitter, hearing_enu, epoch_utc_s)
             return [(toa_topic(swarm, m.receiver), self._encode(m)) for m in arrivals]
-        messages = self._receivers.measure(emitter, hearing_enu, epoch_utc_s)
+        messages = self.receivers.measure(emitter, hearing_enu, epoch_utc_s)
         return [(tdoa_topic(swarm), self._encode(messages))] if messages else []
 
     def truth(self, epoch_utc_s: float) -> Publication:
@@ -67,3 +88,26 @@ class Broadcast:
             velocity_enu=state.velocity_enu,
         )
         return truth_topic(self._swarm), self._encode(message)
+
+    def receivers_truth(
+        self, navigation_enu: Mapping[int, Vector], epoch_utc_s: float
+    ) -> list[Publication]:
+        """How far off the receivers are at a UTC (s); empty if the simulation has no such errors.
+
+        Args:
+            navigation_enu: Reported less true position of each receiver's UAV, m, by system id.
+            epoch_utc_s: UTC, s.
+        """
+        if not self._imperfect:
+            return []
+        messages = [
+            ReceiverTruthMessage(
+                epoch_utc_s=epoch_utc_s,
+                receiver=sysid,
+                clock_m=self.receivers.clock_m(sysid, epoch_utc_s),
+                drift_mps=self.receivers.drift_mps(sysid),
+                navigation_enu=error,
+            )
+            for sysid, error in navigation_enu.items()
+        ]
+        return [(receivers_truth_topic(self._swarm), self._encode(messages))]

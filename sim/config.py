@@ -119,6 +119,14 @@ class ReceiverConfig:
         rate_hz: Epochs a second.
         sigma_m: 1-sigma of a range difference, m.
         rho: Share of the variance that the reference receiver contributes.
+        clock_bias_sigma_s: 1-sigma of each receiver's clock error at the start.
+        clock_drift_sigma: 1-sigma of each clock's drift: seconds it gains in a second.
+        nlos_share: Share of the arrivals that come by an echo alone.
+        nlos_min_m: Least detour of an echo, m.
+        nlos_max_m: Greatest detour of an echo, m.
+        colour_sigma_m: 1-sigma of the coloured (first-order Gauss-Markov) error of every
+            receiver's arrivals, m.
+        colour_tau_s: Its correlation time.
         publish: What is published: range differences against the reference, or every receiver's
             arrival times. The errors are the same.
         delay_s: Time from an epoch to the publication of its measurements.
@@ -129,6 +137,13 @@ class ReceiverConfig:
     rate_hz: float = 10.0
     sigma_m: float = 3.0
     rho: float = 0.5
+    clock_bias_sigma_s: float = 0.0
+    clock_drift_sigma: float = 0.0
+    nlos_share: float = 0.0
+    nlos_min_m: float = 50.0
+    nlos_max_m: float = 300.0
+    colour_sigma_m: float = 0.0
+    colour_tau_s: float = 0.5
     publish: Publication = "range_differences"
     delay_s: float = 0.05
     minimum_altitude_m: float = 5.0

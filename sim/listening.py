@@ -1,8 +1,9 @@
 """Receivers on vehicles that somebody else flies or simulates: heard by their MAVLink, sans-I/O.
 
 A vehicle's own reports are its truth here: where it says it was (GLOBAL_POSITION_INT), at the
-UTC it says that was (SYSTEM_TIME). All time is theirs, so that vehicles simulated faster or slower
-than real time are measured in their time, without being asked for the factor.
+UTC it says that was (SYSTEM_TIME). So there is no navigation error between the two. All time is
+theirs, so that vehicles simulated faster or slower than real time are measured in their time,
+without being asked for the factor.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ REACH_S = 1.0
 """A vehicle hears bursts at most this far from its nearest report."""
 TRUTH_PERIOD_S = 0.5
 """The emitter's truth is published at most this often."""
+RECEIVERS_TRUTH_PERIOD_S = 1.0
+"""The receivers' likewise."""
 
 _HISTORY_S = 3.0
 """Reports are kept this long; one that is older than its vehicle's newest by more than this
@@ -94,13 +97,15 @@ class Listening:
         self._frame = LocalFrame(
             first.launch_lat_rad, first.launch_lon_rad, first.launch_alt_amsl_m
         )
-        self._rate_hz = config.receivers.rate_hz
+        # A beacon may be silent for a minute, but not what is told about it.
+        self._ticks_per_burst = math.ceil(1.0 / (config.receivers.rate_hz * TRUTH_PERIOD_S))
+        self._tick_hz = config.receivers.rate_hz * self._ticks_per_burst
         self._floor_m = config.receivers.minimum_altitude_m
-        self._broadcast = Broadcast(config, self._frame, 1.0 / self._rate_hz)
+        self._broadcast = Broadcast(config, self._frame, 1.0 / self._tick_hz)
         self._tracks = {vehicle.sysid: _Track() for vehicle in config.vehicles}
         self._codec = Codec(0)
-        self._epoch: int | None = None
-        self._truth_s = -math.inf
+        self._tick: int | None = None
+        self._truth_s = self._receivers_truth_s = -math.inf
         self._publications: list[Publication] = []
         self._complaints: list[str] = []
         self._punctual_s: dict[int, float] = {}
@@ -160,29 +165,36 @@ class Listening:
 
     def _advance(self) -> None:
         """Measure every burst whose time has come."""
-        for epoch in self._due():
-            epoch_s = epoch / self._rate_hz
+        for tick in self._due():
+            epoch_s = tick / self._tick_hz
             self._broadcast.emitter.advance()
-            hearing = {
-                sysid: position
-                for sysid, track in self._tracks.items()
-                if (position := track.hearing_at(epoch_s)) is not None
-            }
-            self._publications += self._broadcast.burst(hearing, epoch_s)
+            if tick % self._ticks_per_burst == 0:
+                hearing = {
+                    sysid: position
+                    for sysid, track in self._tracks.items()
+                    if (position := track.hearing_at(epoch_s)) is not None
+                }
+                self._publications += self._broadcast.burst(hearing, epoch_s)
             if epoch_s >= self._truth_s + TRUTH_PERIOD_S:
                 self._truth_s = epoch_s
                 self._publications.append(self._broadcast.truth(epoch_s))
+            if epoch_s >= self._receivers_truth_s + RECEIVERS_TRUTH_PERIOD_S:
+                self._receivers_truth_s = epoch_s
+                self._publications += self._broadcast.receivers_truth(
+                    dict.fromkeys(self._tracks, (0.0, 0.0, 0.0)), epoch_s
+                )
 
     def _due(self) -> Iterator[int]:
         newest = [track.newest_s for track in self._tracks.values()]
         first_s = max(newest)
-        if self._epoch is None or abs(first_s - self._epoch / self._rate_hz) > _LEAP_S:
-            self._epoch = math.ceil(first_s * self._rate_hz)
-            self._truth_s = -math.inf
-        while (epoch_s := self._epoch / self._rate_hz) <= first_s:
+        if self._tick is None or abs(first_s - self._tick / self._tick_hz) > _LEAP_S:
+            self._tick = math.ceil(first_s * self._tick_hz)
+            self._truth_s = self._receivers_truth_s = -math.inf
+            self._broadcast.receivers.start_clocks(self._tick / self._tick_hz)
+        while (epoch_s := self._tick / self._tick_hz) <= first_s:
             if first_s < epoch_s + REACH_S and any(
                 epoch_s - REACH_S < utc_s < epoch_s for utc_s in newest
             ):
                 return
-            yield self._epoch
-            self._epoch += 1
+            yield self._tick
+            self._tick += 1

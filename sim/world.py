@@ -21,6 +21,8 @@ STEP_HZ = 50
 STEP_S = 1.0 / STEP_HZ
 TRUTH_STEPS = STEP_HZ // 2
 """The emitter's truth is published twice a second."""
+RECEIVERS_TRUTH_STEPS = STEP_HZ
+"""The receivers' once a second."""
 
 _EARLY_STEPS = 1e-6
 
@@ -89,6 +91,11 @@ class Vehicle:
         """Up coordinate of the ground below: level with the launch point everywhere, m."""
         x, y, _ = self.state.position_enu
         return self._frame.up_at(x, y, self.config.launch_alt_amsl_m)
+
+    @property
+    def navigation_error_enu(self) -> Vector:
+        """Its own solution of where it is less where it is, m."""
+        return self._navigation.correlated_enu
 
     def on_air(self, now_s: float) -> bool:
         """Whether anything of it can be received at a simulation time (s)."""
@@ -199,6 +206,11 @@ class World:
             self._publications += self._delayed.popleft()[1]
         if self._steps % TRUTH_STEPS == 0:
             self._publications.append(self._broadcast.truth(self._config.utc_start_s + now_s))
+        if self._steps % RECEIVERS_TRUTH_STEPS == 0:
+            self._publications += self._broadcast.receivers_truth(
+                {sysid: v.navigation_error_enu for sysid, v in self._vehicles.items()},
+                self._config.utc_start_s + now_s,
+            )
 
     def _measure(self, now_s: float) -> list[Publication]:
         """What the receivers publish of one burst."""

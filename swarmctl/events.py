@@ -272,7 +272,7 @@ class RangeDifferences(Observation, frozen=True):
         reference: System id of the reference receiver.
         items: One entry per companion.
         rho: Share of each variance that comes from the common reference receiver, 0..1.
-        clock_sigma_s: 1-sigma of the receivers' clock synchronisation, s.
+        clock_sigma_s: 1-sigma of a receiver's clock error at that time, s.
         seq: Sequence number of the message.
     """
 
@@ -293,7 +293,7 @@ class ArrivalTime(Observation, frozen=True):
         toa_frac_s: The rest, 0 <= toa_frac_s < 1.
         burst: Number of the burst, the same at every receiver.
         sigma_s: 1-sigma of this arrival time's own error, s.
-        clock_sigma_s: 1-sigma of the receivers' clock synchronisation, s.
+        clock_sigma_s: 1-sigma of a receiver's clock error at that time, s.
         seq: Sequence number of the message.
     """
 
@@ -320,6 +320,25 @@ class EmitterTruth(Observation, frozen=True):
     lon_rad: float
     alt_amsl_m: float
     velocity_enu: Vector
+
+
+class ReceiverTruth(Observation, frozen=True):
+    """How far off a simulated receiver truly is. Only the recorder and reports see it.
+
+    Attributes:
+        epoch_utc_s: When, UTC s.
+        receiver: System id of the UAV that carries the receiver.
+        clock_m: Error of its clock times the speed of light, m; late stamps are positive.
+        drift_mps: Rate of ``clock_m``, m/s.
+        navigation_enu: Position its UAV reports less the true one, without the white part that
+            is new in every report, m.
+    """
+
+    epoch_utc_s: float
+    receiver: int
+    clock_m: float
+    drift_mps: float
+    navigation_enu: Vector
 
 
 class OperatorRequest(Observation, frozen=True):

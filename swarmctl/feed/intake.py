@@ -20,11 +20,13 @@ from swarmctl.events import (
     Observation,
     RangeDifference,
     RangeDifferences,
+    ReceiverTruth,
 )
 from swarmctl.feed.schema import (
     SPEED_OF_LIGHT_MPS,
     ArrivalTimeMessage,
     RangeDifferenceMessage,
+    ReceiverTruthMessage,
     TruthMessage,
     tdoa_topic,
     toa_topic,
@@ -46,6 +48,7 @@ _MAX_SIGMA_S = MAX_LENGTH_M / SPEED_OF_LIGHT_MPS
 
 _entries_decoder = msgspec.json.Decoder(list[msgspec.Raw])
 _truth_decoder = msgspec.json.Decoder(TruthMessage)
+_receivers_truth_decoder = msgspec.json.Decoder(list[ReceiverTruthMessage])
 
 # msgspec meets nesting deeper than the interpreter's stack with the latter.
 _UNDECODABLE = (msgspec.DecodeError, RecursionError)
@@ -320,3 +323,33 @@ def decode_truth(payload: bytes, now: float) -> EmitterTruth | None:
         alt_amsl_m=message.alt_amsl_m,
         velocity_enu=message.velocity_enu,
     )
+
+
+def decode_receivers_truth(payload: bytes, now: float) -> list[ReceiverTruth]:
+    """The simulator's truth about the receivers, for the recorder's own subscription.
+
+    Args:
+        payload: A list of :class:`~swarmctl.feed.schema.ReceiverTruthMessage`.
+        now: Monotonic time of arrival, s.
+
+    Returns:
+        The truth of each; none if the payload is anything else, and without what is absurd.
+    """
+    try:
+        messages = _receivers_truth_decoder.decode(payload)
+    except _UNDECODABLE:
+        return []
+    return [
+        ReceiverTruth(
+            received_s=now,
+            epoch_utc_s=message.epoch_utc_s,
+            receiver=message.receiver,
+            clock_m=message.clock_m,
+            drift_mps=message.drift_mps,
+            navigation_enu=message.navigation_enu,
+        )
+        for message in messages
+        if 0.0 <= message.epoch_utc_s <= MAX_EPOCH_UTC_S
+        and abs(message.clock_m) <= SPEED_OF_LIGHT_MPS * MAX_CLOCK_SIGMA_S
+        and max(map(abs, (message.drift_mps, *message.navigation_enu))) <= MAX_LENGTH_M
+    ]

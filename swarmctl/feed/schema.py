@@ -8,6 +8,8 @@ Topics, for a swarm named ``S``:
 ``swarm/S/estimate`` :class:`EstimateMessage`, published by the controller
 ``swarm/S/truth``    :class:`TruthMessage`, published by the simulator only; only the recorder
                      and reports read it
+``swarm/S/truth/receivers``
+                     list of :class:`ReceiverTruthMessage`, likewise
 ===================  ========================================================================
 """
 
@@ -46,7 +48,7 @@ class RangeDifferenceMessage(_Message, frozen=True):
         sigma_m: 1-sigma of its noise, m.
         rho: Share of ``sigma_m``² that comes from the reference receiver (equal receivers:
             one half).
-        clock_sigma_s: 1-sigma of the receivers' mutual clock synchronisation, s.
+        clock_sigma_s: 1-sigma of a receiver's clock error at that time, s.
         seq: Counts messages of the publisher.
     """
 
@@ -72,7 +74,7 @@ class ArrivalTimeMessage(_Message, frozen=True):
         toa_frac_s: The rest, 0 <= toa_frac_s < 1.
         burst: Number of the burst, the same at every receiver.
         sigma_s: 1-sigma of this arrival time's own error, s.
-        clock_sigma_s: 1-sigma of the receivers' mutual clock synchronisation, s.
+        clock_sigma_s: 1-sigma of a receiver's clock error at that time, s.
         seq: Counts messages of the publisher.
     """
 
@@ -93,6 +95,26 @@ class TruthMessage(_Message, frozen=True):
     lon_deg: float
     alt_amsl_m: float
     velocity_enu: tuple[float, float, float]
+
+
+class ReceiverTruthMessage(_Message, frozen=True):
+    """How far off a simulated receiver is.
+
+    Attributes:
+        v: Version of the message, 1.
+        epoch_utc_s: When, UTC s.
+        receiver: System id of the UAV that carries the receiver.
+        clock_m: Error of its clock times the speed of light, m; late stamps are positive.
+        drift_mps: Rate of ``clock_m``, m/s.
+        navigation_enu: Position its UAV reports less the true one, without the white part that
+            is new in every report, m.
+    """
+
+    epoch_utc_s: float
+    receiver: SysId
+    clock_m: float
+    drift_mps: float
+    navigation_enu: tuple[float, float, float]
 
 
 class EstimateMessage(_Message, frozen=True):
@@ -140,3 +162,8 @@ def estimate_topic(swarm: str) -> str:
 def truth_topic(swarm: str) -> str:
     """Topic of the simulator's truth."""
     return f"swarm/{swarm}/truth"
+
+
+def receivers_truth_topic(swarm: str) -> str:
+    """Topic of the simulator's truth about the receivers."""
+    return f"{truth_topic(swarm)}/receivers"

@@ -105,7 +105,7 @@ class _View:
                 value = value.get(part, info.default)
             else:  # a section left out: its default is a model
                 value = getattr(value, part, info.default)
-            for kind in (info.annotation, *get_args(info.annotation)):  # a section, or none
+            for kind in (info.annotation, *get_args(info.annotation)):  # X, or X | None
                 if isinstance(kind, type) and issubclass(kind, BaseModel):
                     model = kind
         return value
@@ -284,6 +284,15 @@ def _prior_distances_m(view: _View) -> tuple[float, float]:
     return distance, distance
 
 
+def _echo_rule(view: _View) -> list[Fault]:
+    least, most = (view.number(f"sim.receivers.nlos_{end}_m") for end in ("min", "max"))
+    if least <= most:
+        return []
+    return [
+        Fault("sim.receivers.nlos_max_m", f"{most:g}", f"at least nlos_min_m = {least:g} m"),
+    ]
+
+
 _FULL_ONLY = (
     "navigation_sigma_m",
     "clock_bias_ns",
@@ -320,5 +329,6 @@ RULES: tuple[Callable[[_View], list[Fault]], ...] = (
     _fence_rule,
     _prior_rule,
     _filter_rule,
+    _echo_rule,
 )
 """Every check between fields; each names the field to change and what would be right."""

@@ -20,6 +20,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 SysId = Annotated[int, Field(ge=1, le=250)]
+Detour = Annotated[float, Field(ge=0.0, le=1e4)]
 
 
 def _matching(pattern: str, allowed: str) -> AfterValidator:
@@ -305,9 +306,20 @@ class SimReceivers(Section):
     """The simulated receivers.
 
     Attributes:
-        rate_hz: Epochs a second.
-        sigma_m: 1-sigma of a range difference.
+        rate_hz: Bursts a second; 0.02 is one every 50 s.
+        sigma_m: 1-sigma of a range difference's white noise: the errors below come on top.
         rho: Share of its variance that the reference receiver contributes.
+        clock_bias_sigma_ns: 1-sigma of each receiver's clock error at the start (1 ns is 0.3 m);
+            drawn once for each.
+        clock_drift_sigma_ns_per_s: 1-sigma of each clock's constant drift.
+        nlos_share: Share of the arrivals, at each receiver by itself, that come by an echo
+            instead of the direct path.
+        nlos_min_m: Least detour of an echo.
+        nlos_max_m: Greatest detour of an echo; between the two, all are equally frequent.
+        colour_sigma_m: 1-sigma of the coloured error of every receiver's arrivals (first-order
+            Gauss-Markov): what multipath does; a range difference has the square root of 2 of
+            it.
+        colour_tau_s: Its correlation time.
         publish: What is published of each burst: range differences against the reference, or
             arrival times, which outlive its loss. The errors are the same.
     """
@@ -315,6 +327,13 @@ class SimReceivers(Section):
     rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
+    clock_bias_sigma_ns: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
+    clock_drift_sigma_ns_per_s: Annotated[float, Field(ge=0.0, le=1e3)] = 0.0
+    nlos_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    nlos_min_m: Detour = 50.0
+    nlos_max_m: Detour = 300.0
+    colour_sigma_m: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
+    colour_tau_s: Positive = 0.5
     publish: Literal["range_differences", "arrival_times"] = "range_differences"
 
 

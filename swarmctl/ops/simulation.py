@@ -91,6 +91,13 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
             rate_hz=section.receivers.rate_hz,
             sigma_m=section.receivers.sigma_m,
             rho=section.receivers.rho,
+            clock_bias_sigma_s=1e-9 * section.receivers.clock_bias_sigma_ns,
+            clock_drift_sigma=1e-9 * section.receivers.clock_drift_sigma_ns_per_s,
+            nlos_share=section.receivers.nlos_share,
+            nlos_min_m=section.receivers.nlos_min_m,
+            nlos_max_m=section.receivers.nlos_max_m,
+            colour_sigma_m=section.receivers.colour_sigma_m,
+            colour_tau_s=section.receivers.colour_tau_s,
             publish=section.receivers.publish,
         ),
         navigation=NavigationConfig(

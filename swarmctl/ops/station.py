@@ -15,6 +15,7 @@ import numpy as np
 
 from swarmctl.estimation.consistency import ellipse
 from swarmctl.events import (
+    EmitterTruth,
     Estimate,
     FeedConnection,
     Inquiry,
@@ -22,10 +23,16 @@ from swarmctl.events import (
     Notice,
     Observation,
     OperatorRequest,
+    ReceiverTruth,
     Record,
 )
-from swarmctl.feed.intake import FeedIntake, decode_truth
-from swarmctl.feed.schema import EstimateMessage, estimate_topic, truth_topic
+from swarmctl.feed.intake import FeedIntake, decode_receivers_truth, decode_truth
+from swarmctl.feed.schema import (
+    EstimateMessage,
+    estimate_topic,
+    receivers_truth_topic,
+    truth_topic,
+)
 from swarmctl.link.backend import Backend
 from swarmctl.link.facts import Address
 from swarmctl.link.link import MavlinkLink
@@ -97,7 +104,7 @@ class Station:
         self._utc_offset_s = utc_offset_s
         self._recorder = recorder
         self._swarm = mission.swarm.name
-        self._truth_topic = truth_topic(self._swarm)
+        self._truth_topics = (truth_topic(self._swarm), receivers_truth_topic(self._swarm))
         self._publish_at = now
         self._publications: list[tuple[str, bytes]] = []
         self._notices: list[Notice] = []
@@ -106,7 +113,7 @@ class Station:
     def topics(self) -> tuple[str, ...]:
         """MQTT topics to subscribe to; the truth is for the recorder alone."""
         topics = self.intake.topics
-        return topics if self._recorder is None else (*topics, self._truth_topic)
+        return topics if self._recorder is None else (*topics, *self._truth_topics)
 
     @property
     def ended(self) -> bool:
@@ -139,10 +146,10 @@ class Station:
 
     def message(self, topic: str, payload: bytes, now: float) -> None:
         """Take an MQTT message; call :meth:`settle` after the last."""
-        if topic == self._truth_topic:
-            truth = decode_truth(payload, now)
-            if truth is not None and self._recorder is not None:
-                self._recorder.record(truth, now + self._utc_offset_s)
+        if topic in self._truth_topics:
+            for truth in self._truths(topic, payload, now):
+                if self._recorder is not None:
+                    self._recorder.record(truth, now + self._utc_offset_s)
             return
         for event in self.intake.receive(topic, payload, now):
             self._observe(event, now)
@@ -226,6 +233,14 @@ class Station:
             "rd_dropped": self.controller.observer.dropped,
             "rd_aside": self.controller.observer.aside,
         }
+
+    def _truths(
+        self, topic: str, payload: bytes, now: float
+    ) -> Sequence[EmitterTruth | ReceiverTruth]:
+        if topic == self._truth_topics[1]:
+            return decode_receivers_truth(payload, now)
+        truth = decode_truth(payload, now)
+        return [] if truth is None else [truth]
 
     def _observe(self, event: Observation, now: float) -> None:
         if self._recorder is not None:

@@ -23,6 +23,7 @@ from swarmctl.events import (
     FeedConnection,
     OperatorRequest,
     RangeDifferences,
+    ReceiverTruth,
     Record,
     VehicleObservation,
 )
@@ -32,6 +33,7 @@ _OBSERVATION_FAMILIES: dict[type[Record], str] = {
     ArrivalTime: "feed",
     FeedConnection: "feed",
     EmitterTruth: "truth",
+    ReceiverTruth: "truth",
     OperatorRequest: "operator",
 }
 _OTHER_OBSERVATIONS = "input"

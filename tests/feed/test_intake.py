@@ -11,11 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl import events
-from swarmctl.feed.intake import FeedIntake, decode_truth
+from swarmctl.feed.intake import FeedIntake, decode_receivers_truth, decode_truth
 from swarmctl.feed.schema import (
     ArrivalTimeMessage,
     RangeDifferenceMessage,
+    ReceiverTruthMessage,
     TruthMessage,
+    receivers_truth_topic,
     tdoa_topic,
     toa_topic,
     truth_topic,
@@ -340,6 +342,7 @@ def test_no_bytes_raise_and_the_next_good_message_is_taken(payloads: list[bytes]
             kind = type(observation)
             assert msgspec.json.decode(msgspec.json.encode(observation), type=kind) == observation
         decode_truth(payload, NOW)
+        decode_receivers_truth(payload, NOW)
     good = message(epoch_utc_s=123.456)
     (taken,) = intake.receive(TOPIC, encode(good), NOW)
     assert isinstance(taken, events.RangeDifferences)
@@ -399,4 +402,51 @@ def test_truth_is_no_range_difference(intake: FeedIntake) -> None:
         epoch_utc_s=1.0, lat_deg=0.0, lon_deg=0.0, alt_amsl_m=0.0, velocity_enu=(0.0, 0.0, 0.0)
     )
     kinds = rejected_kinds(intake.receive(truth_topic("alpha"), encode(truth), NOW))
+    assert kinds == ["unexpected_topic"]
+
+
+OFF = ReceiverTruthMessage(
+    epoch_utc_s=1.79e9, receiver=2, clock_m=3.5, drift_mps=-0.06, navigation_enu=(0.4, -0.1, 0.9)
+)
+
+
+def test_the_truth_about_the_receivers_is_decoded_one_by_one() -> None:
+    other = msgspec.structs.replace(OFF, receiver=3)
+    expected = events.ReceiverTruth(
+        received_s=NOW,
+        epoch_utc_s=1.79e9,
+        receiver=2,
+        clock_m=3.5,
+        drift_mps=-0.06,
+        navigation_enu=(0.4, -0.1, 0.9),
+    )
+    assert decode_receivers_truth(encode([OFF, other]), NOW) == [
+        expected,
+        msgspec.structs.replace(expected, receiver=3),
+    ]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"v": 2},
+        {"receiver": 0},
+        {"epoch_utc_s": 1e11},
+        {"epoch_utc_s": -1.0},
+        {"clock_m": -1e300},
+        {"drift_mps": 1e300},
+        {"navigation_enu": [0.0, -1e300, 0.0]},
+        {"navigation_enu": [0.0, 0.0]},
+    ],
+    ids=lambda change: str(*change),
+)
+def test_what_is_no_truth_about_receivers_is_none(change: dict[str, Any]) -> None:
+    good = msgspec.to_builtins(OFF)
+    assert len(decode_receivers_truth(encode([good]), NOW)) == 1
+    assert decode_receivers_truth(encode([good | change]), NOW) == []
+    assert decode_receivers_truth(encode(good), NOW) == []
+
+
+def test_the_truth_about_the_receivers_is_no_measurement(intake: FeedIntake) -> None:
+    kinds = rejected_kinds(intake.receive(receivers_truth_topic("alpha"), encode([OFF]), NOW))
     assert kinds == ["unexpected_topic"]

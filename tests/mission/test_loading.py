@@ -73,6 +73,14 @@ def test_five_faults_are_five_lines() -> None:
         ("swarm__link", ["udpin://0.0.0.0:14550", "tcp://"], "a list of udpin://host:port"),
         ("swarm__link", [], "should be one or a list of udpin://host:port"),
         ("feed__broker", "http://localhost", "should be mqtt://[user:password@]host[:port]"),
+        ("sim__receivers__rate_hz", 0, "should be greater than 0"),
+        ("sim__receivers__clock_bias_sigma_ns", -1, "should be greater than or equal to 0"),
+        ("sim__receivers__clock_bias_sigma_ns", 1e9, "should be less than or equal to 100000"),
+        ("sim__receivers__clock_drift_sigma_ns_per_s", float("inf"), "less than or equal to 1000"),
+        ("sim__receivers__nlos_share", 5, "should be less than or equal to 1"),
+        ("sim__receivers__nlos_max_m", 40, "is 40: at least nlos_min_m = 50 m"),
+        ("sim__receivers__colour_tau_s", 0, "should be greater than 0"),
+        ("sim__receivers__clock_bias_ns", 10, "no such field; is it misspelt?"),
         ("emitter__sigma_m", float("nan"), "should be a finite number"),
         ("limits__d_max_m", None, "this field is required"),
         ("swarm", None, "this field is required"),
@@ -81,6 +89,14 @@ def test_five_faults_are_five_lines() -> None:
 def test_each_fault_is_named_with_what_is_right(field: str, value: object, says: str) -> None:
     found = faults(**{field: value})
     assert says in found[field.replace("__", ".")]
+
+
+def test_a_default_is_compared_as_if_it_were_written_and_a_mission_may_have_no_simulation() -> None:
+    assert (
+        "nlos_min_m = 400 m"
+        in faults(sim__receivers={"nlos_min_m": 400})["sim.receivers.nlos_max_m"]
+    )
+    parse_mission(short_mission_text(sim=None))
 
 
 def test_vehicles_may_share_an_altitude_if_slots_are_far_enough_apart_for_it() -> None:

@@ -1,9 +1,11 @@
 """A mission becomes the simulator's configuration."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from sim.config import ReceiverConfig
 from swarmctl.errors import UsageError
 from swarmctl.mission.loading import load_mission, parse_mission
 from swarmctl.ops.simulation import controller_addresses, sim_config, simulation_section
@@ -33,6 +35,37 @@ def test_what_the_receivers_publish_is_handed_on(publish: str) -> None:
     receivers = {"publish": publish}
     mission = parse_mission(short_mission_text(sim__receivers=receivers))
     assert sim_config(mission, None, 0.0).receivers.publish == publish
+
+
+def test_the_errors_of_the_receivers_are_handed_on_in_seconds() -> None:
+    receivers = {
+        "rate_hz": 0.02,
+        "clock_bias_sigma_ns": 10,
+        "clock_drift_sigma_ns_per_s": 0.2,
+        "nlos_share": 0.05,
+        "nlos_min_m": 20,
+        "nlos_max_m": 80,
+        "colour_sigma_m": 0.4,
+        "colour_tau_s": 0.7,
+    }
+    mission = parse_mission(short_mission_text(sim__receivers=receivers))
+    config = sim_config(mission, None, 0.0).receivers
+    assert config.clock_bias_sigma_s == pytest.approx(10e-9)
+    assert config.clock_drift_sigma == pytest.approx(0.2e-9)
+    assert replace(config, clock_bias_sigma_s=0.0, clock_drift_sigma=0.0) == ReceiverConfig(
+        reference=1,
+        rate_hz=0.02,
+        nlos_share=0.05,
+        nlos_min_m=20.0,
+        nlos_max_m=80.0,
+        colour_sigma_m=0.4,
+        colour_tau_s=0.7,
+    )
+
+
+def test_the_receivers_of_a_mission_that_says_nothing_of_it_are_good() -> None:
+    config = sim_config(load_mission(DEMO), None, 0.0).receivers
+    assert config == ReceiverConfig(reference=1)
 
 
 def test_the_vehicles_have_the_manners_the_mission_says() -> None:

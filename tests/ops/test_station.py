@@ -5,8 +5,8 @@ import json
 import msgspec
 import pytest
 
-from swarmctl.events import EmitterTruth, LinkConnection, Record
-from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
+from swarmctl.events import EmitterTruth, LinkConnection, ReceiverTruth, Record
+from swarmctl.feed.schema import RangeDifferenceMessage, ReceiverTruthMessage, TruthMessage
 from swarmctl.link.facts import Address
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.loading import parse_mission
@@ -38,6 +38,20 @@ TRUTH = msgspec.json.encode(
 )
 
 
+RECEIVERS_TRUTH = msgspec.json.encode(
+    [
+        ReceiverTruthMessage(
+            epoch_utc_s=1000.0,
+            receiver=receiver,
+            clock_m=3.0,
+            drift_mps=0.0,
+            navigation_enu=(0.0, 0.0, 0.0),
+        )
+        for receiver in (1, 2)
+    ]
+)
+
+
 def station(tape: Tape | None = None) -> Station:
     return Station(parse_mission(short_mission_text()), 0.0, 1000.0, tape)
 
@@ -48,15 +62,21 @@ def test_the_truth_reaches_the_recorder_and_nobody_else(monkeypatch: pytest.Monk
     tape = Tape()
     ground = station(tape)
     ground.message("swarm/alpha/truth", TRUTH, 5.0)
-    assert [type(record) for record, _ in tape.records] == [EmitterTruth]
-    assert tape.records[0][1] == 1005.0
+    ground.message("swarm/alpha/truth/receivers", RECEIVERS_TRUTH, 5.0)
+    kinds = [type(record) for record, _ in tape.records]
+    assert kinds == [EmitterTruth, ReceiverTruth, ReceiverTruth]
+    assert {at for _, at in tape.records} == {1005.0}
     assert seen == []
 
 
 def test_without_a_recorder_nobody_subscribes_to_the_truth() -> None:
     measurements = ("swarm/alpha/tdoa", "swarm/alpha/toa/+")
     assert station().topics == measurements
-    assert station(Tape()).topics == (*measurements, "swarm/alpha/truth")
+    assert station(Tape()).topics == (
+        *measurements,
+        "swarm/alpha/truth",
+        "swarm/alpha/truth/receivers",
+    )
 
 
 def test_what_is_heard_is_recorded_before_it_is_acted_on() -> None:

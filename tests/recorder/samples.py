@@ -69,6 +69,10 @@ ONE_OF_EACH: tuple[Record, ...] = (
         received_s=1.0, epoch_utc_s=1.79e9, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=0.0,
         velocity_enu=VECTOR,
     ),
+    events.ReceiverTruth(
+        received_s=1.0, epoch_utc_s=1.79e9, receiver=2, clock_m=4.5, drift_mps=0.06,
+        navigation_enu=VECTOR,
+    ),
     events.OperatorRequest(received_s=1.0, request="return_home"),
     events.RequestHome(sysid=3),
     events.RequestVersion(sysid=3),

@@ -123,6 +123,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
         ("ArrivalTime", "/feed/ArrivalTime"),
         ("FeedConnection", "/feed/FeedConnection"),
         ("EmitterTruth", "/truth/EmitterTruth"),
+        ("ReceiverTruth", "/truth/ReceiverTruth"),
         ("OperatorRequest", "/operator/OperatorRequest"),
         ("InputRejected", "/input/InputRejected"),
         ("Estimate", "/decision/Estimate"),

@@ -19,7 +19,12 @@ from sim.config import (
     WindConfig,
 )
 from sim.world import World
-from swarmctl.feed.schema import ArrivalTimeMessage, RangeDifferenceMessage, TruthMessage
+from swarmctl.feed.schema import (
+    ArrivalTimeMessage,
+    RangeDifferenceMessage,
+    ReceiverTruthMessage,
+    TruthMessage,
+)
 
 LAT, LON, ALT = math.radians(47.0), math.radians(8.0), 400.0
 POSITION_AND_VELOCITY = 0b110111000000
@@ -231,6 +236,17 @@ def truths(publications: Sequence[tuple[str, bytes]]) -> list[TruthMessage]:
         msgspec.json.decode(payload, type=TruthMessage)
         for topic, payload in publications
         if topic == "swarm/alpha/truth"
+    ]
+
+
+def receivers_truths(
+    publications: Sequence[tuple[str, bytes]],
+) -> list[list[ReceiverTruthMessage]]:
+    """The decoded publications of the truth about the receivers."""
+    return [
+        msgspec.json.decode(payload, type=list[ReceiverTruthMessage])
+        for topic, payload in publications
+        if topic == "swarm/alpha/truth/receivers"
     ]
 
 

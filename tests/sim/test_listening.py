@@ -14,7 +14,16 @@ from sim.listening import REACH_S, Listening
 from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
 from swarmctl.frames import LocalFrame
 from tests.link.wire import Sender
-from tests.sim.flying import ALT, LAT, LON, arrival_times, range_differences, simulation, vehicle
+from tests.sim.flying import (
+    ALT,
+    LAT,
+    LON,
+    arrival_times,
+    range_differences,
+    receivers_truths,
+    simulation,
+    vehicle,
+)
 
 FRAME = LocalFrame(LAT, LON, ALT)
 UTC = 1_790_000_000.0
@@ -273,3 +282,45 @@ def test_what_is_no_report_changes_nothing(datagram: bytes) -> None:
     after = heard_after(disturbed, 5.0, 8.0, SWARM)
     assert after == heard_after(undisturbed, 5.0, 8.0, SWARM)
     assert differences(after)
+
+
+def test_the_receivers_clocks_start_with_the_first_report_and_are_told_once_a_second() -> None:
+    poor = replace(EXACT, clock_bias_sigma_s=100e-9, clock_drift_sigma=10e-9)
+    listening, exact = Listening(config(poor)), Listening(config())
+    published = heard(listening, 20.0)
+    told = receivers_truths(published)
+    assert [truth.receiver for truth in told[0]] == [1, 2, 3]
+    assert len(told) == pytest.approx(20, abs=1)
+    # Of vehicles whose reports are the truth nobody knows more.
+    assert {truth.navigation_enu for each in told for truth in each} == {(0.0, 0.0, 0.0)}
+    # 1.8e9 s of drift would be 5000 km.
+    assert all(abs(truth.clock_m) < 1000.0 for truth in told[0])
+    clocks = {(t.receiver, t.epoch_utc_s): t.clock_m for each in told for t in each}
+    right = {(m.receiver, m.epoch_utc_s): m.rd_m for m in differences(heard(exact, 20.0))}
+    compared = 0
+    for m in differences(published):
+        if (m.receiver, m.epoch_utc_s) in clocks:
+            off_m = clocks[m.receiver, m.epoch_utc_s] - clocks[1, m.epoch_utc_s]
+            assert m.rd_m - right[m.receiver, m.epoch_utc_s] == pytest.approx(off_m, abs=1e-4)
+            compared += 1
+    assert compared == pytest.approx(40, abs=4)
+    # Clocks that are set anew do not make up the drift of the time between.
+    for pilot in (again := [Autopilot(sysid, utc_error_s=3e7) for sysid in SPEEDS]):
+        listening.receive(pilot.time(20.0))
+    later = receivers_truths(heard_after(listening, 20.0, 25.0, again))
+    for truth, first in zip(later[0], told[0], strict=True):
+        assert truth.clock_m == pytest.approx(first.clock_m, abs=1e-6)
+
+
+def test_a_beacon_that_seldom_bursts_is_told_of_as_often() -> None:
+    seldom = replace(EXACT, rate_hz=0.1)
+    published = heard(Listening(config(seldom)), 35.0)
+    bursts = sorted({m.epoch_utc_s for m in differences(published)})
+    assert bursts == [UTC + 10.0, UTC + 20.0, UTC + 30.0]
+    for m in differences(published):
+        emitter = emitter_at(m.epoch_utc_s - UTC, truths(published))
+        expected = math.dist(emitter, place(m.receiver, m.epoch_utc_s - UTC)) - math.dist(
+            emitter, place(1, m.epoch_utc_s - UTC)
+        )
+        assert m.rd_m == pytest.approx(expected, abs=0.05)
+    assert len(truths(published)) == pytest.approx(70, abs=1)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy import stats
 
 from sim.config import EmitterConfig, NavigationConfig, ReceiverConfig, SimConfig, WindConfig
 from sim.errors import SimError
@@ -22,11 +23,14 @@ from tests.sim.flying import (
     arrival_times,
     of_type,
     range_differences,
+    receivers_truths,
     simulation,
     truths,
     vehicle,
 )
 
+RISK = 1e-4
+"""Probability that a correct implementation misses one of the derived bounds."""
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 SWARM = (vehicle(1), vehicle(2, 30.0), vehicle(3, 60.0))
 
@@ -143,6 +147,125 @@ def test_range_differences_agree_with_reported_positions_at_their_epoch() -> Non
         assert message.rd_m == pytest.approx(float(expected), abs=0.02)
         compared += 1
     assert compared > 150
+
+
+def test_without_errors_there_is_nothing_to_tell_of_the_receivers() -> None:
+    station = Station(simulation(*SWARM))
+    station.advance(5.0)
+    assert receivers_truths(station.publications) == []
+
+
+@pytest.mark.parametrize(
+    ("receivers", "navigation"),
+    [
+        (ReceiverConfig(1, clock_bias_sigma_s=1e-9), NavigationConfig(0.0)),
+        (ReceiverConfig(1, clock_drift_sigma=1e-9), NavigationConfig(0.0)),
+        (ReceiverConfig(1), NavigationConfig(0.0, 0.5)),
+    ],
+    ids=["bias", "drift", "navigation"],
+)
+def test_any_error_is_told_once_a_second_of_every_receiver(
+    receivers: ReceiverConfig, navigation: NavigationConfig
+) -> None:
+    station = Station(simulation(*SWARM, receivers=receivers, navigation=navigation))
+    station.advance(5.0)
+    told = receivers_truths(station.publications)
+    assert [[truth.receiver for truth in each] for each in told] == [[1, 2, 3]] * 5
+    start = simulation().utc_start_s
+    assert [each[0].epoch_utc_s - start for each in told] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_measured_less_geometry_less_the_truth_about_the_receivers_is_white() -> None:
+    sigma, rho, duration_s = 1.0, 0.5, 100.0
+    receivers = ReceiverConfig(
+        1,
+        rate_hz=10.0,
+        sigma_m=sigma,
+        rho=rho,
+        clock_bias_sigma_s=30e-9,
+        clock_drift_sigma=1e-9,
+        minimum_altitude_m=-1.0,
+    )
+    emitter = EmitterConfig(LAT + 2e-4, LON + 4e-4, 370.0, (0.0, 0.0, 0.0))
+    station = Station(simulation(*SWARM, emitter=emitter, receivers=receivers))
+    station.advance(duration_s)
+    told = receivers_truths(station.publications)
+    source = station.world.emitter_state().position_enu
+    truths_at = [each[0].epoch_utc_s for each in told]
+
+    def arrival_m(sysid: int, epoch_utc_s: float) -> float:
+        clock = [truth.clock_m for each in told for truth in each if truth.receiver == sysid]
+        path_m = math.dist(source, station.position(sysid))
+        return path_m + float(np.interp(epoch_utc_s, truths_at, clock))
+
+    errors = np.array(
+        [
+            [m.rd_m - arrival_m(m.receiver, m.epoch_utc_s) + arrival_m(1, m.epoch_utc_s) for m in e]
+            for e in range_differences(station.publications)
+            if truths_at[0] <= e[0].epoch_utc_s <= truths_at[-1]
+        ]
+    )
+    assert len(errors) == 990
+    # The common part, and what is left: sigma² (1 + rho) and sigma² (1 - rho) of two companions.
+    common, across = (errors @ np.array([[1.0, 1.0], [1.0, -1.0]]) / math.sqrt(2.0)).T
+    low, high = stats.chi2.interval(1.0 - RISK, len(errors))
+    assert low < np.sum(common**2) / (sigma**2 * (1.0 + rho)) < high
+    assert low < np.sum(across**2) / (sigma**2 * (1.0 - rho)) < high
+    # The clocks start with the simulation: 1.8e9 s of drift would be 5e8 m.
+    assert all(abs(truth.clock_m) < 100.0 for truth in told[0])
+    # A clock that is left in would show as a mean, or as a trend in time.
+    bound = stats.norm.isf(RISK / 2.0)
+    time = np.linspace(-1.0, 1.0, len(errors))
+    for column in errors.T:
+        assert abs(column.mean()) < bound * sigma / math.sqrt(len(errors))
+        assert abs(column @ time) < bound * sigma * math.sqrt(time @ time)
+    for first, last in zip(told[0], told[-1], strict=True):
+        since_s = last.epoch_utc_s - first.epoch_utc_s
+        assert last.clock_m - first.clock_m == pytest.approx(since_s * first.drift_mps)
+
+
+def test_the_navigation_truth_is_what_a_vehicle_reports_less_where_it_is() -> None:
+    navigation = NavigationConfig(white_sigma_m=0.0, correlated_sigma_m=5.0, correlated_tau_s=20.0)
+    station = Station(simulation(*SWARM, navigation=navigation))
+    station.advance(5.0)
+    for _ in range(15):
+        station.advance(1.0)
+        truth = receivers_truths(station.publications)[-1]
+        assert len({told.navigation_enu for told in truth}) == len(SWARM)
+        for told in truth:
+            m = station.request(POSITION, told.receiver)
+            reported = ecef(m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3)
+            lat, lon, alt = station.world.frame.to_geodetic(*station.position(told.receiver))
+            error = reported - ecef(math.degrees(lat), math.degrees(lon), alt)
+            # Positions come in units of 1.1 cm of latitude and 1 mm of altitude.
+            assert east_north_up(error) == pytest.approx(np.array(told.navigation_enu), abs=0.01)
+
+
+def test_the_navigation_truth_is_without_the_white_part_of_the_reports() -> None:
+    navigation = NavigationConfig(white_sigma_m=5.0, correlated_sigma_m=5.0, correlated_tau_s=1e9)
+    station = Station(simulation(*SWARM, navigation=navigation))
+    station.advance(10.0)
+    for first, *later in zip(*receivers_truths(station.publications), strict=True):
+        for told in later:
+            # In 10 s of its 1e9 s it moves by 1.4e-4 of its sigma.
+            assert told.navigation_enu == pytest.approx(first.navigation_enu, abs=0.01)
+
+
+def east_north_up(difference: np.ndarray) -> np.ndarray:
+    """An ECEF difference in the axes at (LAT, LON)."""
+    up = np.array([math.cos(LAT) * math.cos(LON), math.cos(LAT) * math.sin(LON), math.sin(LAT)])
+    east = np.array([-math.sin(LON), math.cos(LON), 0.0])
+    axes = np.array([east, np.cross(up, east), up])
+    return np.asarray(axes @ difference)
+
+
+def test_a_beacon_may_burst_once_in_50_s() -> None:
+    receivers = ReceiverConfig(1, rate_hz=0.02, minimum_altitude_m=-1.0)
+    station = Station(simulation(*SWARM, receivers=receivers))
+    station.advance(151.0)
+    start = simulation().utc_start_s
+    bursts = [e[0].epoch_utc_s - start for e in range_differences(station.publications)]
+    assert bursts == [50.0, 100.0, 150.0]
 
 
 def test_one_publication_per_epoch_with_all_companions() -> None:
