@@ -6,7 +6,12 @@ from pathlib import Path
 from types import TracebackType
 
 from swarmctl.events import Record
-from swarmctl.mission.assumptions import emitter_prior, expected_enu, process_noise
+from swarmctl.mission.assumptions import (
+    emitter_prior,
+    expected_enu,
+    process_noise,
+    receiver_errors,
+)
 from swarmctl.mission.model import Mission
 from swarmctl.mission.phases import OBSERVING
 from swarmctl.ops.provenance import provenance
@@ -38,6 +43,7 @@ class Recording:
                 prior_covariance=prior.covariance,
                 process_noise=process_noise(mission),
                 sigma_p_m=mission.filter.sigma_p_m,
+                errors=receiver_errors(mission),
                 d_max_m=mission.limits.d_max_m,
                 stand_off_m=mission.limits.stand_off_m,
                 observing_phases=frozenset(map(str, OBSERVING)),

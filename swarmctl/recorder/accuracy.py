@@ -7,13 +7,15 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from swarmctl.estimation.alignment import PositionHistory
-from swarmctl.estimation.bounds import CramerRaoBound
-from swarmctl.estimation.motion import ConstantVelocity
+from swarmctl.estimation.augmented import star
+from swarmctl.estimation.augmented_bound import AugmentedBound
+from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.pairing import Arrival, differences
-from swarmctl.estimation.rd_model import rd_covariance
+from swarmctl.estimation.rd_model import effective_covariance, rd_covariance
 from swarmctl.events import ArrivalTime, Estimate, RangeDifferences
 from swarmctl.frames import Vector
 from swarmctl.recorder.series import FlightSeries
@@ -71,15 +73,17 @@ class Accuracy:
     """Compares estimates with the truth, and runs the bound along the way.
 
     The bound is the posterior Cramér-Rao bound of the tracker's own model: its prior at the
-    first update, its process noise, and every epoch of range differences or arrival times that
-    led to an estimate, with the emitter at its true position and the UAVs where they reported to
-    be. It ends with the observing phases, since it costs more than all the rest.
+    first update, its process noise, what it assumes of the receivers, and every epoch of range
+    differences or arrival times that led to an estimate, with the emitter at its true position
+    and the UAVs where they reported to be. It ends with the observing phases, since it costs
+    more than all the rest.
 
     Args:
         reference: System id of the reference UAV.
         prior_covariance: Covariance of the prior on (position, velocity), (6, 6), SI.
         process_noise: Power spectral density of the acceleration per axis, (3,), m²/s³.
-        sigma_p_m: 1-sigma of a reported UAV position per axis, m.
+        sigma_p_m: White 1-sigma of a reported UAV position per axis, m.
+        errors: The receivers' errors besides white noise.
         truth: The emitter's track; :meth:`settle` is called when it has grown.
         series: Takes the estimates, errors and bounds.
 
@@ -96,11 +100,12 @@ class Accuracy:
         prior_covariance: ArrayLike,
         process_noise: Sequence[float],
         sigma_p_m: float,
+        errors: ReceiverErrors,
         truth: TruthTrack,
         series: FlightSeries,
     ) -> None:
         self.reference = reference
-        self._bound = CramerRaoBound(prior_covariance, ConstantVelocity(process_noise))
+        self._bound = AugmentedBound(np.asarray(prior_covariance), errors, np.array(process_noise))
         self._bound_epoch_s: float | None = None
         self._sigma_p_m = sigma_p_m
         self._truth = truth
@@ -242,10 +247,11 @@ class Accuracy:
         self, epoch_s: float, reference: int, measured: list[_Measurement], emitter: Vector
     ) -> None:
         reference_at = self._position(reference, epoch_s)
-        companions, sigmas, rhos = [], [], []
+        heard, companions, sigmas, rhos = [], [], [], []
         for receiver, sigma, rho in measured:
             companion_at = self._position(receiver, epoch_s)
             if companion_at is not None:
+                heard.append(receiver)
                 companions.append(companion_at)
                 sigmas.append(sigma)
                 rhos.append(rho)
@@ -255,7 +261,16 @@ class Accuracy:
             self._bound.predict(max(0.0, epoch_s - self._bound_epoch_s))
         self._bound_epoch_s = epoch_s
         self._bound.update(
-            emitter, reference_at, companions, rd_covariance(sigmas, rhos), self._sigma_p_m
+            np.array(emitter),
+            star(
+                epoch_s,
+                reference,
+                np.array(reference_at),
+                heard,
+                np.array(companions),
+                np.zeros(len(heard)),
+                effective_covariance(rd_covariance(sigmas, rhos), self._sigma_p_m),
+            ),
         )
 
     def _position(self, sysid: int, epoch_s: float) -> Vector | None:

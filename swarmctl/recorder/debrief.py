@@ -13,6 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.events import (
     ArrivalTime,
     Decision,
@@ -45,7 +46,8 @@ class DebriefSettings:
         prior_covariance: Covariance of the prior on (position, velocity), (6, 6), SI.
         process_noise: Power spectral density of the emitter's acceleration as the tracker
             assumes it, (3,), m²/s³.
-        sigma_p_m: 1-sigma of a reported UAV position per axis, m.
+        sigma_p_m: White 1-sigma of a reported UAV position per axis, m.
+        errors: What else the tracker assumes to be wrong with the receivers.
         d_max_m: Limit of a follower's distance from the reference UAV, m.
         stand_off_m: Limit of any UAV's distance from the emitter, m.
     """
@@ -57,6 +59,7 @@ class DebriefSettings:
     prior_covariance: ArrayLike
     process_noise: Sequence[float]
     sigma_p_m: float
+    errors: ReceiverErrors
     d_max_m: float
     stand_off_m: float
 
@@ -81,6 +84,7 @@ class Debrief:
             prior_covariance=settings.prior_covariance,
             process_noise=settings.process_noise,
             sigma_p_m=settings.sigma_p_m,
+            errors=settings.errors,
             truth=self._truth,
             series=self.series,
         )

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from swarmctl import events
+from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.events import Record
 from swarmctl.frames import LocalFrame, Vector
 from swarmctl.recorder.debrief import DebriefSettings
@@ -33,6 +34,7 @@ SETTINGS = DebriefSettings(
     prior_covariance=np.diag([300.0, 300.0, 3.0, 1.0, 1.0, 0.01]) ** 2,
     process_noise=(4e-4, 4e-4, 0.0),
     sigma_p_m=0.5,
+    errors=ReceiverErrors(),
     d_max_m=D_MAX_M,
     stand_off_m=STAND_OFF_M,
 )

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.pairing import SPEED_OF_LIGHT_MPS
 from swarmctl.events import ArrivalTime, Estimate, RangeDifference, RangeDifferences
 from swarmctl.frames import Vector
@@ -32,6 +33,7 @@ class Flight:
             prior_covariance=PRIOR,
             process_noise=(0.0, 0.0, 0.0),
             sigma_p_m=SIGMA_P_M,
+            errors=ReceiverErrors(),
             truth=self.truth,
             series=self.series,
         )
@@ -280,6 +282,7 @@ def test_the_bound_widens_while_nothing_is_measured() -> None:
         prior_covariance=np.diag([1e-3, 1e-3, 1e-3, 2.0, 1.0, 0.0]) ** 2,
         process_noise=(0.0, 0.0, 0.0),
         sigma_p_m=SIGMA_P_M,
+        errors=ReceiverErrors(),
         truth=flight.truth,
         series=flight.series,
     )
