@@ -111,6 +111,7 @@ class FakeFleet:
         self.drift = np.array([1.4, 0.5, 0.0])
         self.rng = np.random.default_rng(seed)
         self.feed_on = True
+        self.claimed_sigma_m = 3.0
         self._slow_at = 0.0
 
     def obey(self, command: Command, now: float) -> Iterator[Observation]:
@@ -273,7 +274,7 @@ class FakeFleet:
             epoch_utc_s=UTC0 + now,
             reference=reference,
             items=tuple(
-                RangeDifference(sysid, r - ranges[reference], 3.0)
+                RangeDifference(sysid, r - ranges[reference], self.claimed_sigma_m)
                 for sysid, r in ranges.items()
                 if sysid != reference
             ),

@@ -136,3 +136,35 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(MissionFileError, match="not UTF-8"):
         load_mission(path)
+
+
+def test_a_prior_is_a_place_or_a_sector() -> None:
+    sector = {"bearing_deg": 60, "width_deg": 60, "nearest_m": 1000, "farthest_m": 2000}
+    assert faults(emitter__lat_deg=None) == {
+        "emitter.lat_deg": "emitter.lat_deg is missing: this field is required, or emitter.sector"
+        " instead of the place"
+    }
+    found = faults(emitter__sector=sector | {"farthest_m": 900}, filter__kind="tracker")
+    assert found.keys() == {
+        "emitter.lat_deg",
+        "emitter.lon_deg",
+        "emitter.sigma_m",
+        "emitter.sector.farthest_m",
+    }
+    assert "left out: emitter.sector is given" in found["emitter.sigma_m"]
+    wide = {"alt_amsl_m": 0, "sector": sector | {"farthest_m": 9000}}
+    assert "expected up to 9000 m" in faults(emitter=wide)["limits.geofence_radius_m"]
+    near = {"alt_amsl_m": 0, "sector": sector | {"nearest_m": 300}}
+    assert "less than the 300 m" in faults(emitter=near)["limits.stand_off_m"]
+    misspelt = {"alt_amsl_m": 0, "sector": sector | {"bearing": 3}}
+    assert "no such field" in faults(emitter=misspelt)["emitter.sector.bearing"]
+
+
+def test_the_linear_filter_is_not_asked_for_what_it_cannot() -> None:
+    found = faults(filter__kind="ncrkf", filter__clock_bias_ns=10)
+    assert found == {
+        "filter.kind": "filter.kind is ncrkf: tracker: the linear filter takes no"
+        " filter.clock_bias_ns"
+    }
+    found = faults(filter__kind="tracker", filter__clock_drift_ns_per_s=0.2)
+    assert found.keys() == {"filter.clock_bias_ns"}

@@ -138,3 +138,19 @@ def test_a_design_with_a_slot_ahead_keeps_the_reference_farther_off() -> None:
     )
     assert near == 425.0
     assert far > 412.5 + 0.9 * 135.0
+
+
+def test_a_doubtful_estimate_changes_no_design_and_a_lost_one_moves_nobody(
+    mission: Mission,
+) -> None:
+    shape, doubtful = shape_of(mission), shape_of(mission)
+    before = shape.offsets()
+    for _ in range(3000):
+        shape.turn(0.0, 0.0, 500.0, 0.01, FAST, DT)
+        doubtful.turn(0.0, 0.0, 500.0, 0.01, FAST, DT, redesign=False)
+    assert np.abs(shape.offsets() - before).max() > 30.0
+    assert np.abs(doubtful.offsets() - before).max() < 1.0
+    shape.turn(0.3, 0.02, 500.0, 0.01, FAST, DT)
+    assert np.abs(shape.velocities()).max() > 1.0
+    shape.rest(DT)
+    assert np.abs(shape.velocities()).max() < 0.1
