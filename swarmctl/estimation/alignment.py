@@ -11,7 +11,9 @@ Plain floats: this runs several hundred times a second, and arrays of three are 
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
+from collections.abc import Collection
 
 from swarmctl.errors import EstimationError
 
@@ -107,4 +109,64 @@ class PositionHistory:
             a * x0 + b * x1 + c * u0 + d * u1,
             a * y0 + b * y1 + c * v0 + d * v1,
             a * z0 + b * z1 + c * w0 + d * w1,
+        )
+
+
+class SwarmPositions:
+    """The recent positions of all vehicles, and how long to wait for the next.
+
+    Time is the samples' epochs only: what has come of one vehicle tells how long another's
+    sample of the same time is overdue.
+
+    Args:
+        history_s: As for :class:`PositionHistory`.
+        max_extrapolation_s: As for :class:`PositionHistory`.
+        max_wait_s: How much newer the newest position of any vehicle may get before an epoch no
+            longer waits for its own vehicles' next positions, s.
+
+    Attributes:
+        newest_s: Epoch of the newest sample of any vehicle, s; minus infinity before the first.
+    """
+
+    def __init__(self, history_s: float, max_extrapolation_s: float, max_wait_s: float) -> None:
+        self._history_s = history_s
+        self._reach_s = max_extrapolation_s
+        self._max_wait_s = max_wait_s
+        self._histories: dict[int, PositionHistory] = {}
+        self.newest_s = -math.inf
+
+    def add(self, vehicle: int, epoch_s: float, position_enu: Vector, velocity_enu: Vector) -> None:
+        """Keep a vehicle's sample."""
+        history = self._histories.get(vehicle)
+        if history is None:
+            history = self._histories[vehicle] = PositionHistory(self._history_s, self._reach_s)
+        history.add(epoch_s, position_enu, velocity_enu)
+        self.newest_s = max(self.newest_s, epoch_s)
+
+    def at(self, vehicle: int, epoch_s: float) -> Vector | None:
+        """Position of a vehicle at an epoch, m; None if it is not known."""
+        history = self._histories.get(vehicle)
+        return None if history is None else history.at(epoch_s)
+
+    def are_past(self, epoch_s: float) -> bool:
+        """Whether an epoch is farther back than positions are kept."""
+        return epoch_s < self.newest_s - self._history_s
+
+    def are_far_behind(self, epoch_s: float) -> bool:
+        """Whether an epoch is farther ahead of all positions than positions are kept."""
+        return epoch_s > self.newest_s + self._history_s
+
+    def is_due(self, epoch_s: float, vehicles: Collection[int]) -> bool:
+        """Whether waiting any longer for these vehicles' positions at an epoch is in vain.
+
+        Positions that never come must not let measurements pile up: one far ahead of all
+        positions is due at once, and comes to nothing.
+        """
+        if epoch_s < self.newest_s - self._max_wait_s or self.are_far_behind(epoch_s):
+            return True
+        if epoch_s > self.newest_s:
+            return False
+        histories = self._histories
+        return all(
+            vehicle in histories and histories[vehicle].brackets(epoch_s) for vehicle in vehicles
         )

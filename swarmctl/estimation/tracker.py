@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import motion
-from swarmctl.estimation.alignment import PositionHistory, Vector
+from swarmctl.estimation.alignment import SwarmPositions, Vector
 from swarmctl.estimation.arguments import Array, as_finite, as_not_negative
 from swarmctl.estimation.augmented import star
 from swarmctl.estimation.health import Verdict
@@ -82,7 +82,7 @@ class Tracker:
             :class:`~swarmctl.estimation.pairing.Pairing`. Positions: ``invalid_position``
             (not finite or absurd).
         complaints: A sentence for each way in which receivers' bursts were first seen not to
-            fit together.
+            fit together, or measurements to be of another time than positions.
 
     Args:
         track: What estimates, begun from ``prior``.
@@ -121,13 +121,14 @@ class Tracker:
         motion.process_noise(0.0, self._psd)
         self._vehicles = frozenset(vehicles)
         self._sigma_p = as_not_negative("sigma_p_m", sigma_p_m)
-        self._max_wait_s = as_not_negative("max_wait_s", max_wait_s)
         self._history_s = as_not_negative("history_s", history_s)
-        self._reach_s = as_not_negative("max_extrapolation_s", max_extrapolation_s)
+        self._positions = SwarmPositions(
+            history_s,
+            as_not_negative("max_extrapolation_s", max_extrapolation_s),
+            as_not_negative("max_wait_s", max_wait_s),
+        )
 
         self._begun_s: float | None = None
-        self._newest_position_s = -math.inf
-        self._positions: dict[int, PositionHistory] = {}
         self._pending: dict[tuple[float, int], dict[int, Measurement]] = {}
         self._used_receivers: dict[tuple[float, int], set[int]] = {}
 
@@ -137,6 +138,7 @@ class Tracker:
 
         self.dropped = self._pairing.dropped
         self.complaints = self._pairing.complaints
+        self._is_time_complained = False
 
     @property
     def epoch_s(self) -> float | None:
@@ -176,12 +178,7 @@ class Tracker:
         if not (math.isfinite(epoch_s) and _is_plausible(*position_enu, *velocity_enu)):
             self.dropped["invalid_position"] += 1
             return
-        history = self._positions.get(vehicle)
-        if history is None:
-            history = PositionHistory(self._history_s, self._reach_s)
-            self._positions[vehicle] = history
-        history.add(epoch_s, position_enu, velocity_enu)
-        self._newest_position_s = max(self._newest_position_s, epoch_s)
+        self._positions.add(vehicle, epoch_s, position_enu, velocity_enu)
 
     def add_range_differences(
         self,
@@ -272,7 +269,7 @@ class Tracker:
         updates = []
         for key in sorted(self._pending):
             epoch_s, reference = key
-            if not self._is_due(epoch_s, (reference, *self._pending[key])):
+            if not self._positions.is_due(epoch_s, (reference, *self._pending[key])):
                 continue
             measurements = self._pending.pop(key)
             update = self._use(*key, measurements)
@@ -325,18 +322,18 @@ class Tracker:
         """Use a burst whose time has come; give up one whose time is past, or far ahead."""
         arrivals = burst.arrivals
         epoch_s = _reference(arrivals, leader).epoch_s
-        if epoch_s < self._newest_position_s - self._history_s:
-            self._pairing.give_up(burst, "too_old")
+        if self._positions.are_past(epoch_s):
+            self._give_up(burst, epoch_s, "too_old")
             return None
-        if epoch_s > self._newest_position_s + self._history_s:
-            self._pairing.give_up(burst, "no_position")
+        if self._positions.are_far_behind(epoch_s):
+            self._give_up(burst, epoch_s, "no_position")
             return None
-        if not (self._pairing.is_whole(burst) and self._is_due(epoch_s, arrivals)):
+        if not (self._pairing.is_whole(burst) and self._positions.is_due(epoch_s, arrivals)):
             return None
         located = {
             receiver: arrival
             for receiver, arrival in arrivals.items()
-            if self._position_at(receiver, epoch_s) is not None
+            if self._positions.at(receiver, epoch_s) is not None
         }
         if len(located) < 2:
             self._pairing.give_up(burst, "no_position")
@@ -349,17 +346,21 @@ class Tracker:
         measurements = differences(reference, located.values())
         return self._use(reference.epoch_s, reference.receiver, measurements)
 
-    def _is_due(self, epoch_s: float, vehicles: Collection[int]) -> bool:
-        newest = self._newest_position_s
-        # Positions that never come must not let measurements pile up: one further ahead of
-        # all positions than the history is long is used up (and dropped) at once.
-        if epoch_s < newest - self._max_wait_s or epoch_s > newest + self._history_s:
-            return True
-        if epoch_s > newest:
-            return False
-        positions = self._positions
-        return all(
-            vehicle in positions and positions[vehicle].brackets(epoch_s) for vehicle in vehicles
+    def _give_up(self, burst: Burst, epoch_s: float, reason: str) -> None:
+        if len(burst.arrivals) > 1:  # a lone one is its receiver's trouble
+            self._complain_of_time(epoch_s, "arrival times")
+        self._pairing.give_up(burst, reason)
+
+    def _complain_of_time(self, epoch_s: float, what: str) -> None:
+        """Say, once, that measurements are of another time than the positions."""
+        off_s = epoch_s - self._positions.newest_s
+        if self._is_time_complained or not math.isfinite(off_s):
+            return
+        self._is_time_complained = True
+        self.complaints.append(
+            f"{what} are {abs(off_s):.1f} s {'ahead of' if off_s > 0.0 else 'behind'} the vehicles'"
+            " positions and come to nothing: set the receivers' clocks to the vehicles' UTC, and"
+            " publish what is measured at once"
         )
 
     def _use(
@@ -367,9 +368,12 @@ class Tracker:
     ) -> TrackUpdate | None:
         if self._begun_s is not None and epoch_s < self._track.epoch_s - self._history_s:
             self.dropped["too_old"] += len(measurements)
+            self._complain_of_time(epoch_s, "range differences")
             return None
-        reference_at = self._position_at(reference, epoch_s)
-        companions = {receiver: self._position_at(receiver, epoch_s) for receiver in measurements}
+        if self._positions.are_far_behind(epoch_s):
+            self._complain_of_time(epoch_s, "range differences")
+        reference_at = self._positions.at(reference, epoch_s)
+        companions = {receiver: self._positions.at(receiver, epoch_s) for receiver in measurements}
         receivers = [
             receiver
             for receiver, position in companions.items()
@@ -413,10 +417,6 @@ class Tracker:
             float(track.innovation @ track.innovation),
             len(track.innovation),
         )
-
-    def _position_at(self, vehicle: int, epoch_s: float) -> Vector | None:
-        history = self._positions.get(vehicle)
-        return None if history is None else history.at(epoch_s)
 
     def _forget_before(self, oldest_s: float) -> None:
         """Forget which measurements were used once repeats would be too old anyway."""

@@ -492,3 +492,22 @@ def test_a_vehicle_nobody_knows_is_named() -> None:
 def test_an_epoch_must_be_finite() -> None:
     with pytest.raises(EstimationError, match="epoch_s must be finite"):
         tracker().predict_to(math.nan)
+
+
+@pytest.mark.parametrize(("off_s", "words"), [(60.0, "60.0 s ahead of"), (-20.0, "20.0 s behind")])
+def test_measurements_of_another_time_are_complained_of_once(off_s: float, words: str) -> None:
+    live = tracker()
+    for k in range(30):
+        report(live, 0.1 * k)
+        hear(live, 0.1 * k)
+        live.process()
+    used = live.used
+    for k in range(30, 40):
+        report(live, 0.1 * k)
+        t = EPOCH + 0.1 * k + off_s
+        live.add_range_differences(t, 1, (2, 3, 4), heard(0.1 * k), [3.0] * 3, 0.5)
+        live.process()
+    (complaint,) = live.complaints
+    assert f"range differences are {words} the vehicles' positions" in complaint
+    assert live.used == used
+    assert live.dropped.total() == 30
