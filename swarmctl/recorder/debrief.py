@@ -19,18 +19,21 @@ from swarmctl.events import (
     Decision,
     EmitterTruth,
     Estimate,
+    HealthChanged,
     MissionEnded,
     Observation,
     PhaseChanged,
     Plan,
     RangeDifferences,
+    ReceiverEstimate,
+    ReceiverTruth,
     Record,
     VehiclePosition,
 )
 from swarmctl.frames import LocalFrame, Vector
 from swarmctl.recorder.accuracy import Accuracy, Outcome
 from swarmctl.recorder.distances import Distances
-from swarmctl.recorder.series import Extremes, FlightSeries
+from swarmctl.recorder.series import Extremes, FlightSeries, Series
 from swarmctl.recorder.truth import MAX_EXTRAPOLATION_S, TruthTrack
 
 
@@ -109,6 +112,9 @@ class Debrief:
             EmitterTruth: self._emitter,
             PhaseChanged: self._phase,
             MissionEnded: self._mission_ended,
+            ReceiverEstimate: self._receiver_estimate,
+            ReceiverTruth: self._receiver_truth,
+            HealthChanged: self._health_changed,
         }
 
     def record(self, record: Record) -> None:
@@ -135,6 +141,13 @@ class Debrief:
         if self._began_s is None:
             return 0.0
         return (self._last_s if self._end is None else self._end.at_s) - self._began_s
+
+    @property
+    def health_spans(self) -> list[tuple[float, float, str]]:
+        """Begin and end (mission time, s) of each status of the track, the last until the end."""
+        changes = self.series.health
+        ends = [*(begin for begin, _ in changes[1:]), self.duration_s]
+        return [(begin, end, status) for (begin, status), end in zip(changes, ends, strict=False)]
 
     @property
     def final_estimate(self) -> Estimate | None:
@@ -173,10 +186,15 @@ class Debrief:
             The mission's limits.
         ``rd_measurements``, ``estimates``
             Range differences or arrival times received, and estimates made.
+        ``health``
+            Seconds that the track was in each status until the end; None if it told none.
 
         May be called at any time, and again; truth may come up to 2 s short of the end.
         """
         accuracy, final, end = self._accuracy, self.final, self._end
+        health: dict[str, float] = {}
+        for begin_s, end_s, status in self.health_spans:
+            health[status] = health.get(status, 0.0) + end_s - begin_s
         converged_s = None
         if accuracy.converged_at_s is not None and self._formed_at_s is not None:
             converged_s = max(0.0, accuracy.converged_at_s - self._formed_at_s)
@@ -204,6 +222,7 @@ class Debrief:
             "stand_off_m": self.settings.stand_off_m,
             "rd_measurements": self._rd_measurements,
             "estimates": self._estimates,
+            "health": health or None,
         }
 
     def _position(self, record: VehiclePosition, time_s: float) -> None:
@@ -234,6 +253,28 @@ class Debrief:
 
     def _mission_ended(self, record: MissionEnded, _time_s: float) -> None:
         self._end = record
+
+    def _receiver_estimate(self, record: ReceiverEstimate, time_s: float) -> None:
+        if record.receiver == record.relative_to:
+            return
+        east, north, _ = record.navigation_enu
+        sigma_east, sigma_north, _ = record.navigation_sigma_enu
+        self.series.receivers.setdefault(record.receiver, Series()).add(
+            (
+                *(time_s, record.epoch_utc_s, record.relative_to),
+                *(record.clock_m, east, north),
+                *(record.clock_sigma_m, sigma_east, sigma_north),
+            )
+        )
+
+    def _receiver_truth(self, record: ReceiverTruth, _time_s: float) -> None:
+        east, north, _ = record.navigation_enu
+        self.series.receiver_truths.setdefault(record.receiver, Series()).add(
+            (record.epoch_utc_s, record.clock_m, east, north)
+        )
+
+    def _health_changed(self, record: HealthChanged, time_s: float) -> None:
+        self.series.health.append((time_s, record.status))
 
     def _emitter(self, record: EmitterTruth, time_s: float) -> None:
         position = self.settings.frame.to_enu(record.lat_rad, record.lon_rad, record.alt_amsl_m)

@@ -1,9 +1,10 @@
 """The pictures of a flight. Import this only to draw: matplotlib is slow to load.
 
-``map.png``     the flight from above, and the end of the search close up
-``error.png``   how the estimate closed in on the emitter
-``slots.png``   how well the followers kept their slots
-``ranges.png``  distances that have a limit
+``map.png``        the flight from above, and the end of the search close up
+``error.png``      how the estimate closed in on the emitter, and whether it could be believed
+``slots.png``      how well the followers kept their slots
+``ranges.png``     distances that have a limit
+``receivers.png``  what the receivers were estimated to be off, if anything
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,25 +22,31 @@ from numpy.typing import NDArray
 from swarmctl.estimation.consistency import ellipse
 from swarmctl.recorder.accuracy import CONVERGED_SIGMA_M
 from swarmctl.recorder.debrief import Debrief
-from swarmctl.recorder.series import EXTREMES_INTERVAL_S, Extremes, Series
+from swarmctl.recorder.panels import (
+    ESTIMATE,
+    FAINT,
+    FOLLOWERS,
+    INK,
+    dress,
+    legend_below,
+    observing_span,
+    rows,
+    timeline,
+    vehicle_colours,
+)
+from swarmctl.recorder.receiver_plot import draw_receivers
+from swarmctl.recorder.series import EXTREMES_INTERVAL_S, Series
 
 MAP_FILE, ERROR_FILE, SLOTS_FILE, RANGES_FILE = "map.png", "error.png", "slots.png", "ranges.png"
+RECEIVERS_FILE = "receivers.png"
 
 CHI2_95_2DOF = 5.991464547107979
 """95 % quantile of chi-squared with two degrees of freedom: scales 1-sigma axes to 95 %."""
 
-_INK = "#22272e"
-_FAINT = "#8b949e"
 _EMITTER = "#c1121f"
-_ESTIMATE = "#7b2cbf"
 _LIMIT = "#c1121f"
-_OBSERVING = "#dcecdf"
-_FOLLOWERS = (
-    "#0072b2", "#e08700", "#009e73", "#cc5a94", "#3fa7dc", "#8c6d1f",
-    "#5b6ee1", "#6b8e23", "#b5651d", "#2f7f86", "#a05195", "#4d4d4d",
-)  # fmt: skip
-"""Told apart by most colour-blind eyes as far as there are this few of them."""
-
+_HEALTH = {"degraded": "#f6d186", "diverged": "#eb9a97"}
+"""What is shaded of the track's health."""
 _LOST_S = 5.0
 """A vehicle silent for so long is in no formation."""
 _CLOSE_UP_S = 30.0
@@ -62,21 +68,12 @@ def write_plots(debrief: Debrief, directory: Path) -> tuple[Path, ...]:
         SLOTS_FILE: _slots(debrief),
         RANGES_FILE: _ranges(debrief),
     }
+    receivers = draw_receivers(debrief)
+    if receivers is not None:
+        drawn[RECEIVERS_FILE] = receivers
     for name, figure in drawn.items():
         figure.savefig(directory / name, dpi=_DPI)
     return tuple(directory / name for name in drawn)
-
-
-def _rows(series: Series | Extremes, columns: int) -> NDArray[np.float64]:
-    """A series as (columns, rows), also when it is empty."""
-    return np.array(series.rows, dtype=float).reshape(-1, columns).T
-
-
-def _colours(debrief: Debrief) -> dict[int, str]:
-    reference = debrief.settings.reference
-    followers = sorted(debrief.series.tracks.keys() - {reference})
-    colours = {s: _FOLLOWERS[k % len(_FOLLOWERS)] for k, s in enumerate(followers)}
-    return {reference: _INK, **colours}
 
 
 # --- The flight from above ---------------------------------------------------------------
@@ -92,7 +89,7 @@ def _map(debrief: Debrief) -> Figure:
     for axes, title in ((wide, "The flight"), (close, f"The last {_CLOSE_UP_S:g} s of observing")):
         axes.set_xlabel("east (m)")
         axes.set_ylabel("north (m)")
-        _dress(axes, title)
+        dress(axes, title)
     handles, labels = wide.get_legend_handles_labels()
     close.legend(
         handles, labels, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, frameon=False
@@ -102,11 +99,11 @@ def _map(debrief: Debrief) -> Figure:
 
 def _draw_flight(axes: Axes, debrief: Debrief) -> None:
     series, settings = debrief.series, debrief.settings
-    begin, end = _observing_span(debrief)
-    for sysid, colour in _colours(debrief).items():
+    begin, end = observing_span(debrief)
+    for sysid, colour in vehicle_colours(debrief).items():
         if sysid not in series.tracks:
             continue
-        time, east, north, _ = _rows(series.tracks[sysid], 4)
+        time, east, north, _ = rows(series.tracks[sysid], 4)
         role = "reference" if sysid == settings.reference else "UAV"
         axes.plot(east, north, color=colour, lw=0.8, alpha=0.4, zorder=3)
         at = (time >= begin) & (time <= end)
@@ -115,9 +112,9 @@ def _draw_flight(axes: Axes, debrief: Debrief) -> None:
         axes.plot(x, y, "s", color=colour, ms=4.5, mec="white", mew=0.6, zorder=4)
     _draw_formations(axes, debrief)
 
-    time, east, north, ee, en, nn = _rows(series.estimates, 6)
+    time, east, north, ee, en, nn = rows(series.estimates, 6)
     at = time <= end
-    axes.plot(east[at], north[at], color=_ESTIMATE, lw=0.9, alpha=0.6, label="estimate", zorder=5)
+    axes.plot(east[at], north[at], color=ESTIMATE, lw=0.9, alpha=0.6, label="estimate", zorder=5)
     label = "95 % of the estimate"
     for k in _improvements(ee, en, nn):
         _ellipse(axes, (east[k], north[k]), (ee[k], en[k], nn[k]), label=label)
@@ -129,7 +126,7 @@ def _draw_flight(axes: Axes, debrief: Debrief) -> None:
     final, estimate = debrief.final, debrief.final_estimate
     if final is not None:
         x, y, _ = final.emitter
-        time, east, north, _ = _rows(series.truth, 4)
+        time, east, north, _ = rows(series.truth, 4)
         at = time <= end
         axes.plot(east[at], north[at], color=_EMITTER, lw=2.0, zorder=6)
         axes.plot(x, y, "*", color=_EMITTER, ms=13, mec="white", label="true emitter", zorder=8)
@@ -142,10 +139,10 @@ def _draw_flight(axes: Axes, debrief: Debrief) -> None:
 def _draw_formations(axes: Axes, debrief: Debrief) -> None:
     """The formation at a few instants of the observing phases, as spokes from the reference."""
     series = debrief.series
-    begin, end = _observing_span(debrief)
+    begin, end = observing_span(debrief)
     if end <= begin:
         return
-    colours = _colours(debrief)
+    colours = vehicle_colours(debrief)
     for instant in np.linspace(begin, end, 5):
         leading = [sysid for since, sysid in series.references if since <= instant]
         at = {
@@ -157,11 +154,11 @@ def _draw_formations(axes: Axes, debrief: Debrief) -> None:
             continue
         x0, y0 = at[leading[-1]]
         for sysid, (x, y) in at.items():
-            axes.plot((x0, x), (y0, y), color=_FAINT, lw=0.8, zorder=2)
+            axes.plot((x0, x), (y0, y), color=FAINT, lw=0.8, zorder=2)
             axes.plot(x, y, "o", color=colours[sysid], ms=5.5, mec="white", mew=0.8, zorder=7)
         axes.annotate(
             f"{instant:.0f} s", (x0, y0), xytext=(7, -11), textcoords="offset points",
-            fontsize=8, color=_INK, zorder=9,
+            fontsize=8, color=INK, zorder=9,
             bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.6},
         )  # fmt: skip
 
@@ -170,28 +167,28 @@ def _draw_end(axes: Axes, debrief: Debrief) -> None:
     """Truth and estimate at the end of observing, at the scale of the last ellipse."""
     series, final, estimate = debrief.series, debrief.final, debrief.final_estimate
     if estimate is None:
-        axes.text(0.5, 0.5, "no estimate", color=_FAINT, ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no estimate", color=FAINT, ha="center", transform=axes.transAxes)
         return
-    _, end = _observing_span(debrief)
+    _, end = observing_span(debrief)
     at = estimate.position_enu[:2]
     covariance = estimate.covariance[0], estimate.covariance[1], estimate.covariance[7]
     reach = 1.5 * math.sqrt(CHI2_95_2DOF) * _major(*covariance)
     words = f"1-sigma {_major(*covariance):.1f} m"
-    time, east, north, *_ = _rows(series.estimates, 6)
+    time, east, north, *_ = rows(series.estimates, 6)
     past = (time > end - _CLOSE_UP_S) & (time <= end)
-    axes.plot([*east[past], at[0]], [*north[past], at[1]], color=_ESTIMATE, lw=0.9, alpha=0.45)
+    axes.plot([*east[past], at[0]], [*north[past], at[1]], color=ESTIMATE, lw=0.9, alpha=0.45)
     _ellipse(axes, at, covariance)
-    axes.plot(*at, "o", color=_ESTIMATE, ms=7, mec="white", zorder=7)
+    axes.plot(*at, "o", color=ESTIMATE, ms=7, mec="white", zorder=7)
     if final is not None:
         true = final.emitter[:2]
-        time, east, north, _ = _rows(series.truth, 4)
+        time, east, north, _ = rows(series.truth, 4)
         past = (time > end - _CLOSE_UP_S) & (time < end)
         axes.plot([*east[past], true[0]], [*north[past], true[1]], color=_EMITTER, lw=1.6)
-        axes.plot((at[0], true[0]), (at[1], true[1]), color=_INK, lw=1.0, ls=":", zorder=6)
+        axes.plot((at[0], true[0]), (at[1], true[1]), color=INK, lw=1.0, ls=":", zorder=6)
         axes.plot(*true, "*", color=_EMITTER, ms=16, mec="white", zorder=8)
         reach = max(reach, 1.3 * final.error_m)
         words += f", error {final.error_m:.1f} m"
-    axes.text(0.03, 0.03, words, transform=axes.transAxes, color=_INK)
+    axes.text(0.03, 0.03, words, transform=axes.transAxes, color=INK)
     axes.set_xlim(at[0] - reach, at[0] + reach)
     axes.set_ylim(at[1] - reach, at[1] + reach)
 
@@ -211,8 +208,8 @@ def _ellipse(
     axes.add_patch(
         Ellipse(
             (centre[0], centre[1]), scale * float(shape.major), scale * float(shape.minor),
-            angle=math.degrees(float(shape.angle_rad)), fc=(*_rgb(_ESTIMATE), fill),
-            ec=_ESTIMATE, lw=0.9, ls=ls, label=label, zorder=4,
+            angle=math.degrees(float(shape.angle_rad)), fc=(*_rgb(ESTIMATE), fill),
+            ec=ESTIMATE, lw=0.9, ls=ls, label=label, zorder=4,
         )
     )  # fmt: skip
 
@@ -241,7 +238,7 @@ def _major(ee: float, en: float, nn: float) -> float:
 
 
 def _track_at(track: Series, time_s: float) -> tuple[float, float]:
-    time, east, north, _ = _rows(track, 4)
+    time, east, north, _ = rows(track, 4)
     return float(np.interp(time_s, time, east)), float(np.interp(time_s, time, north))
 
 
@@ -249,90 +246,52 @@ def _track_at(track: Series, time_s: float) -> tuple[float, float]:
 
 
 def _error(debrief: Debrief) -> Figure:
-    figure, (axes,) = _timeline(debrief, "How the estimate closed in on the emitter")
+    figure, (axes,) = timeline(debrief, "How the estimate closed in on the emitter")
     series = debrief.series
-    axes.plot(*_rows(series.sigmas, 2), color=_ESTIMATE, lw=1.8, label="1-sigma it claims")
-    axes.plot(*_rows(series.errors, 2), color=_INK, lw=1.0, label="its horizontal error")
+    named: set[str] = set()
+    for begin, end, status in debrief.health_spans:
+        if status in _HEALTH:
+            label = f"track {status}" if status not in named else "_"
+            axes.axvspan(begin, end, color=_HEALTH[status], lw=0, zorder=0.5, label=label)
+            named.add(status)
+    axes.plot(*rows(series.sigmas, 2), color=ESTIMATE, lw=1.8, label="1-sigma it claims")
+    axes.plot(*rows(series.errors, 2), color=INK, lw=1.0, label="its horizontal error")
     axes.plot(
-        *_rows(series.bounds, 2), color=_FOLLOWERS[0], lw=1.8, ls="--", label="Cramér-Rao bound"
+        *rows(series.bounds, 2), color=FOLLOWERS[0], lw=1.8, ls="--", label="Cramér-Rao bound"
     )
     _log_scale(axes, "metres")
-    _limit(axes, CONVERGED_SIGMA_M, f"converged below {CONVERGED_SIGMA_M:g} m", _FAINT)
-    _legend_below(figure, axes)
+    _limit(axes, CONVERGED_SIGMA_M, f"converged below {CONVERGED_SIGMA_M:g} m", FAINT)
+    legend_below(figure, axes)
     return figure
 
 
 def _slots(debrief: Debrief) -> Figure:
-    figure, (axes,) = _timeline(debrief, "How the followers kept their slots")
-    colours = _colours(debrief)
+    figure, (axes,) = timeline(debrief, "How the followers kept their slots")
+    colours = vehicle_colours(debrief)
     for sysid, series in sorted(debrief.series.slot_errors.items()):
-        colour = colours.get(sysid, _FAINT)
-        axes.plot(*_rows(series, 2), color=colour, lw=1.2, label=f"UAV {sysid}")
+        colour = colours.get(sysid, FAINT)
+        axes.plot(*rows(series, 2), color=colour, lw=1.2, label=f"UAV {sysid}")
     _log_scale(axes, f"distance from slot (m), worst in {EXTREMES_INTERVAL_S:g} s")
-    _legend_below(figure, axes)
+    legend_below(figure, axes)
     return figure
 
 
 def _ranges(debrief: Debrief) -> Figure:
-    figure, (upper, lower) = _timeline(
+    figure, (upper, lower) = timeline(
         debrief, "Followers from the reference UAV", "Nearest UAV from the true emitter"
     )
-    settings, colours = debrief.settings, _colours(debrief)
+    settings, colours = debrief.settings, vehicle_colours(debrief)
     for sysid, series in sorted(debrief.series.ranges.items()):
-        colour = colours.get(sysid, _FAINT)
-        upper.plot(*_rows(series, 2), color=colour, lw=1.2, label=f"UAV {sysid}")
+        colour = colours.get(sysid, FAINT)
+        upper.plot(*rows(series, 2), color=colour, lw=1.2, label=f"UAV {sysid}")
     _limit(upper, settings.d_max_m, f"at most {settings.d_max_m:g} m while observing", _LIMIT)
-    lower.plot(*_rows(debrief.series.standoffs, 2), color=_INK, lw=1.4)
+    lower.plot(*rows(debrief.series.standoffs, 2), color=INK, lw=1.4)
     _limit(lower, settings.stand_off_m, f"at least {settings.stand_off_m:g} m", _LIMIT)
     for axes in (upper, lower):
         axes.set_ylabel("distance (m)")
         axes.set_ylim(0.0, 1.1 * axes.get_ylim()[1])
-    _legend_below(figure, upper)
+    legend_below(figure, upper)
     return figure
-
-
-def _timeline(debrief: Debrief, *titles: str) -> tuple[Figure, list[Axes]]:
-    """Panels over mission time with the phases behind them, the observing ones shaded."""
-    figure = Figure(figsize=(11.0, 2.4 + 2.9 * len(titles)), layout="constrained")
-    panels = list(figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0])
-    end = max(debrief.duration_s, 1.0)
-    for axes, title in zip(panels, titles, strict=True):
-        _dress(axes, title, pad=36 if axes is panels[0] else 8)
-        axes.set_xlim(0.0, end)
-        for begin, until, name in _phase_spans(debrief):
-            if name in debrief.settings.observing_phases:
-                axes.axvspan(begin, until, color=_OBSERVING, lw=0, zorder=0)
-            axes.axvline(begin, color="#d0d7de", lw=0.8, zorder=1)
-            if axes is panels[0]:
-                _name_phase(axes, name, begin / end, until / end)
-    panels[-1].set_xlabel("mission time (s)")
-    return figure, panels
-
-
-def _name_phase(axes: Axes, name: str, begin: float, until: float) -> None:
-    """Write a phase's name where it fits; ``begin`` and ``until`` as shares of the width."""
-    style: dict[str, Any] = {"transform": axes.transAxes, "fontsize": 8.5, "color": _FAINT}
-    if until - begin > 0.009 * len(name):
-        axes.text(0.5 * (begin + until), 1.015, name, ha="center", va="bottom", **style)
-    elif until - begin > 0.02:
-        axes.text(
-            begin + 0.008, 1.015, name, rotation=35, rotation_mode="anchor", va="bottom", **style
-        )
-
-
-def _phase_spans(debrief: Debrief) -> list[tuple[float, float, str]]:
-    phases = debrief.series.phases
-    ends = [*(begin for begin, _ in phases[1:]), debrief.duration_s]
-    return [(begin, end, name) for (begin, name), end in zip(phases, ends, strict=False)]
-
-
-def _observing_span(debrief: Debrief) -> tuple[float, float]:
-    """First and last mission time of the observing phases; of the flight without any."""
-    observing = debrief.settings.observing_phases
-    spans = [span for span in _phase_spans(debrief) if span[2] in observing]
-    if not spans:
-        return 0.0, debrief.duration_s
-    return spans[0][0], spans[-1][1]
 
 
 def _limit(axes: Axes, value: float, text: str, colour: str) -> None:
@@ -349,19 +308,3 @@ def _log_scale(axes: Axes, label: str) -> None:
     axes.set_ylabel(label)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.grid(visible=True, which="minor", axis="y", color="#eef0f2", lw=0.5)
-
-
-def _legend_below(figure: Figure, axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=7, frameon=False)
-
-
-def _dress(axes: Axes, title: str, pad: float = 8) -> None:
-    axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=_INK, pad=pad)
-    axes.grid(visible=True, color="#e4e7ea", lw=0.7)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=_INK, labelsize=9)
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in {"left", "bottom"})
-        spine.set_color(_FAINT)

@@ -93,6 +93,12 @@ class FlightSeries:
         standoffs: Least distance of any airborne UAV from the true emitter.
         phases: Time and name of each phase entered.
         references: Time from which each reference UAV led, and its system id.
+        receivers: Per receiver, what it is estimated to be off against another: time, epoch
+            (UTC), the other's system id; clock error, east and north navigation error; and
+            their sigmas.
+        receiver_truths: Per receiver, what it is off: epoch (UTC), clock error, east and north
+            navigation error.
+        health: Time and name of each status of the track.
     """
 
     tracks: dict[int, Series] = field(default_factory=dict)
@@ -107,3 +113,6 @@ class FlightSeries:
     standoffs: Extremes = field(default_factory=lambda: Extremes(min))
     phases: list[tuple[float, str]] = field(default_factory=list)
     references: list[tuple[float, int]] = field(default_factory=list)
+    receivers: dict[int, Series] = field(default_factory=dict)
+    receiver_truths: dict[int, Series] = field(default_factory=dict)
+    health: list[tuple[float, str]] = field(default_factory=list)

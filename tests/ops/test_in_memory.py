@@ -5,13 +5,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from sim.channel import Channel
+from sim.receivers import Receivers
 from sim.world import World
 from swarmctl.errors import UsageError
-from swarmctl.events import Estimate, Notice, Record
+from swarmctl.events import Estimate, Notice, ReceiverTruth, Record
 from swarmctl.link.facts import Address
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.phases import Phase
@@ -52,6 +55,30 @@ def test_a_short_mission_is_located_recorded_and_within_its_limits(
         "slots.png",
         "ranges.png",
     }
+
+
+def test_the_truth_about_poor_receivers_is_in_the_recording(
+    short_mission: Short, tmp_path: Path
+) -> None:
+    mission = short_mission(
+        sim__receivers={"clock_bias_sigma_ns": 10, "clock_drift_sigma_ns_per_s": 0.2},
+        sim__navigation={"white_sigma_m": 0.5, "correlated_sigma_m": 0.5},
+    )
+    fly_in_memory(mission, tmp_path, seed=3, until=lambda snapshot: snapshot.elapsed_s > 50.0)
+    with (tmp_path / "mission.mcap").open("rb") as stream:
+        messages = make_reader(stream).iter_messages(topics=["/truth/ReceiverTruth"])
+        truths = [msgspec.json.decode(m.data, type=ReceiverTruth) for _, _, m in messages]
+    config = sim_config(load_mission(mission), 3, UTC_START_S)
+    receivers = Receivers(config.receivers, (1, 2, 3, 4), 3, UTC_START_S)
+    for k, truth in enumerate(truths):
+        second, place = divmod(k, 4)
+        assert truth.epoch_utc_s == UTC_START_S + second + 1.0
+        assert truth.receiver == place + 1
+    assert len(truths) > 4 * 50
+    for truth in truths:
+        assert truth.clock_m == receivers.clock_m(truth.receiver, truth.epoch_utc_s)
+        assert truth.drift_mps == receivers.drift_mps(truth.receiver)
+        assert 0.0 < max(map(abs, truth.navigation_enu)) < 5.0
 
 
 def test_a_swarm_at_one_altitude_keeps_its_distances(short_mission: Short) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Literal
 
 import msgspec
 import pytest
@@ -28,6 +29,10 @@ def debrief(*records: Record) -> dict[str, object]:
 
 def phase(t: float, name: str) -> Record:
     return events.PhaseChanged(at_s=START_S + t, phase=name, trigger="-", reason="-")
+
+
+def health(t: float, status: Literal["initialising", "tracking", "degraded"]) -> Record:
+    return events.HealthChanged(at_s=START_S + t, status=status, cause=None, detail="-")
 
 
 def plan(
@@ -233,6 +238,19 @@ def test_range_differences_and_arrival_times_are_counted_one_by_one() -> None:
     group = made_up.range_differences(100.0)
     (arrival,) = [record for record in ONE_OF_EACH if isinstance(record, events.ArrivalTime)]
     assert debrief(group, group, arrival)["rd_measurements"] == 2 * len(made_up.FOLLOWERS) + 1
+
+
+def test_the_tracks_health_is_timed_until_the_end() -> None:
+    assert debrief(phase(0.0, "waiting"))["health"] is None
+    summary = debrief(
+        phase(0.0, "waiting"),
+        health(10.0, "initialising"),
+        health(12.0, "tracking"),
+        health(20.0, "degraded"),
+        health(25.0, "tracking"),
+        phase(40.0, "landing"),
+    )
+    assert summary["health"] == {"initialising": 2.0, "tracking": 23.0, "degraded": 5.0}
 
 
 def test_phases_are_kept_at_mission_time() -> None:

@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.patches import Rectangle
 
 from swarmctl.events import EmitterTruth, Estimate, Plan, Record, VehiclePosition
 from swarmctl.recorder import plots
 from swarmctl.recorder.debrief import Debrief
 from tests.recorder import flight as made_up
+from tests.recorder import receivers
 
 NAMES = ("map.png", "error.png", "slots.png", "ranges.png")
 
@@ -94,3 +97,21 @@ def test_the_phases_are_named_and_the_observing_ones_shaded(whole_flight: Debrie
         (to_time.transform((box.x0, 0.0))[0], to_time.transform((box.x1, 0.0))[0]) for box in shaded
     ]
     assert np.allclose(spans, [(60.0, 190.0), (190.0, 270.0)])
+
+
+def test_the_error_is_shaded_where_the_track_was_not_to_be_believed() -> None:
+    it = Debrief(made_up.SETTINGS)
+    for record in receivers.whole_flight():
+        it.record(record)
+    axes = plots._error(it).axes[0]
+    shaded = [
+        (str(patch.get_label()), patch.get_x(), patch.get_x() + patch.get_width())
+        for patch in axes.patches
+        if isinstance(patch, Rectangle)
+        and patch.get_facecolor() in {to_rgba(colour) for colour in plots._HEALTH.values()}
+    ]
+    assert shaded == [
+        ("track degraded", 120.0, 140.0),
+        ("track diverged", 140.0, 150.0),
+        ("_", 200.0, 215.0),
+    ]
