@@ -1,0 +1,57 @@
+"""What is believed: modes, models of motion, and the receivers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from swarmctl.errors import EstimationError
+from swarmctl.estimation.manoeuvre import Manoeuvre
+from swarmctl.estimation.mixture import Mixture, Model
+from tests.estimation.receivers import REAL, flight
+
+CAR = Manoeuvre(20.0)
+
+
+def two_modes(manoeuvre: Manoeuvre | None = None) -> Mixture:
+    """3 : 1, a kilometre apart."""
+    x = np.array([[500.0, 0.0, 10.0, 0.0], [-500.0, 0.0, -10.0, 0.0]])
+    P = np.broadcast_to(np.diag([4.0, 4.0, 1.0, 1.0]), (2, 4, 4))
+    model = Model(np.zeros(2), REAL, manoeuvre)
+    return Mixture(model, x, P, np.log([0.75, 0.25]) + 7.0, {})
+
+
+@pytest.mark.parametrize("dt", [-2.0, 0.0, 3.0])
+def test_all_modes_together_are_as_wide_as_they_are_apart(dt: float) -> None:
+    """Position at dt: ± (500 + 10 dt), of variance 4 + dt² each."""
+    mean, P = two_modes(CAR).all_after(dt)
+    assert mean[0] == pytest.approx(500.0 + 10.0 * dt)
+    apart = 2.0 * (500.0 + 10.0 * dt)
+    assert P[0, 0] == pytest.approx(4.0 + dt**2 + 0.25 * apart**2)
+    assert P[1, 1] == pytest.approx(4.0 + dt**2)
+
+
+def test_modes_are_weighed_by_bayes_and_the_improbable_forgotten() -> None:
+    mixture = two_modes()
+    mixture.compare(np.array([0.0, math.log(2.0)]))
+    assert [e.probability for e in mixture.estimates(0.0)] == pytest.approx([0.6, 0.4])
+    mixture.compare(np.array([-20.0, 0.0]))
+    (left,) = mixture.estimates(0.0)
+    assert left.x[0] == -500.0
+    assert mixture.x.shape == (1, 1, 4)
+
+
+def test_a_receiver_begins_with_what_is_assumed_of_its_errors_once() -> None:
+    mixture = two_modes(CAR)
+    rows = flight(np.random.default_rng(0), REAL, 0.1).rows[0]
+    mixture.admit(rows)
+    mixture.admit(rows)
+    assert mixture.x.shape == (2, 2, 4 + 4 * 4)
+    errors, covariance = mixture.receiver(3)
+    np.testing.assert_array_equal(errors, np.zeros(4))
+    np.testing.assert_allclose(np.diag(covariance), [9.0**2, 0.3**2, 1.5**2, 1.5**2])
+    np.testing.assert_allclose(mixture.receiver(3, to=1)[1], 2.0 * covariance)
+    with pytest.raises(EstimationError, match="Receiver 7 has not been heard"):
+        mixture.receiver(3, to=7)
