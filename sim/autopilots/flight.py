@@ -36,7 +36,7 @@ class Flight(ABC):
 
     def __init__(self, onboard: Onboard) -> None:
         self._me = onboard
-        self._codec = Codec(onboard.config.sysid)
+        self._codec = Codec(onboard.config.sysid, onboard.config.signing_key)
         self._plans = Plans(self.transfer, self._codec.send)
         self._fence = Fence()
         self._fence_of: object = None
@@ -74,6 +74,7 @@ class Flight(ABC):
         me = self._me
         step_s = now_s - me.now_s
         me.now_s, me.truth = now_s, truth
+        self._codec.advance(me.clock.kept_utc_s(now_s))
         lost_s = me.config.gps_lost_at_s
         me.gps_ok = lost_s is None or now_s < lost_s
         if me.home_enu is None and me.up_s >= me.timeline.home_set_s:

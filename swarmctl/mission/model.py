@@ -309,12 +309,13 @@ class SimFault(Section):
 
     Attributes:
         sysid: The vehicle.
-        kind: ``silent`` (never says a word), ``refuses_arming``, or ``dies`` (falls silent).
+        kind: ``silent`` (never says a word), ``refuses_arming``, ``other_key`` (signs with
+            another key than the mission's) or ``dies`` (falls silent).
         at_s: Simulation time of ``dies``.
     """
 
     sysid: SysId
-    kind: Literal["silent", "refuses_arming", "dies"]
+    kind: Literal["silent", "refuses_arming", "other_key", "dies"]
     at_s: NonNegative = 0.0
 
 
