@@ -325,6 +325,7 @@ class Simulation(Section):
     Attributes:
         seed: Seed of every random draw.
         autopilot: Whose manners the vehicles have.
+        full_boot: Whether the vehicles boot as slowly as real ones, or in a few seconds.
         launch_spacing_m: Distance between launch points, eastwards from the origin.
         emitter: The true emitter.
         receivers: The receivers.
@@ -335,6 +336,7 @@ class Simulation(Section):
 
     seed: Annotated[int, Field(ge=0)] = 0
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    full_boot: bool = False
     launch_spacing_m: Positive = 20.0
     emitter: SimEmitter
     receivers: SimReceivers = SimReceivers()

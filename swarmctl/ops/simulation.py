@@ -73,6 +73,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
                 autopilot=section.autopilot,
                 parameters=SPEED_PARAMETERS[section.autopilot],
                 signing_key=other_key if kind == "other_key" else key,
+                full_boot=section.full_boot,
                 boot_delay_s=0.1 * i,
                 silent=kind == "silent",
                 refuses_arming=kind == "refuses_arming",
