@@ -28,8 +28,11 @@ class Clock:
         """What its quartz counts in a time span (s)."""
         return true_s * (1.0 + self._config.drift)
 
+    def kept_utc_s(self, now_s: float) -> float:
+        """UTC that it keeps, with its GPS or without, at a simulation time (s)."""
+        return self._utc_start_s + now_s + self._config.utc_offset_s
+
     def utc_s(self, now_s: float) -> float:
         """UTC as it reports it once at a simulation time (s): each report has its own jitter."""
-        config = self._config
-        utc_s = self._utc_start_s + now_s + config.utc_offset_s
-        return utc_s + config.utc_jitter_s * self._normals.draw() if config.utc_jitter_s else utc_s
+        utc_s, jitter_s = self.kept_utc_s(now_s), self._config.utc_jitter_s
+        return utc_s + jitter_s * self._normals.draw() if jitter_s else utc_s

@@ -61,6 +61,8 @@ class VehicleConfig:
         parameters: What its owner has set, by name; all others have the autopilot's defaults.
         parameter_names: The ArduPilot release whose parameter names it goes by.
         full_boot: Whether booting takes as long as it really does, or a few seconds.
+        signing_key: Signs what it says, 32 bytes; what it hears must be signed with the same. None
+            for a vehicle that does not sign.
         clock: Errors of its clocks.
         boot_delay_s: Simulation time at which it powers up.
         silent: Fault: never says a word.
@@ -80,6 +82,7 @@ class VehicleConfig:
     parameters: tuple[tuple[str, float], ...] = ()
     parameter_names: Literal["4.6", "4.7-dev", "4.7"] = "4.7-dev"
     full_boot: bool = False
+    signing_key: bytes | None = None
     clock: ClockConfig = field(default_factory=ClockConfig)
     boot_delay_s: float = 0.0
     silent: bool = False

@@ -47,6 +47,21 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
             and not any(math.hypot(x - e, y - n) <= r for e, n, r in self.circles_outside)
         )
 
+    def beyond_m(self, position_enu: Vector) -> float:
+        """How far a position, m, is on the wrong side, m; 0 where it is allowed."""
+        x, y, z = position_enu
+        wrong = [
+            *(p for p in self.inside if not _within(p, x, y)),
+            *(p for p in self.outside if _within(p, x, y)),
+        ]
+        return max(
+            0.0,
+            z - self.ceiling_up_m,
+            *(math.hypot(x - e, y - n) - r for e, n, r in self.circles_inside),
+            *(r - math.hypot(x - e, y - n) for e, n, r in self.circles_outside),
+            *(min(math.hypot(*way) for way in _ways_to_edges(p, x, y)) for p in wrong),
+        )
+
     def restrain(self, position_enu: Vector, velocity_enu: Vector, margin_m: float) -> Vector:
         """A velocity less what would carry the vehicle over an edge.
 
@@ -72,11 +87,7 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
 
     def _edges(self, x: float, y: float) -> list[Point]:
         """Way from a place to the nearest point of each edge, m."""
-        ways = [
-            _way_to_segment(polygon[i - 1], polygon[i], x, y)
-            for polygon in self.inside + self.outside
-            for i in range(len(polygon))
-        ]
+        ways = [way for p in self.inside + self.outside for way in _ways_to_edges(p, x, y)]
         for e, n, r in self.circles_inside + self.circles_outside:
             distance = math.hypot(x - e, y - n)
             if distance > 0.0:
@@ -98,6 +109,10 @@ def _within(polygon: Polygon, x: float, y: float) -> bool:
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             inside = not inside
     return inside
+
+
+def _ways_to_edges(polygon: Polygon, x: float, y: float) -> list[Point]:
+    return [_way_to_segment(polygon[i - 1], polygon[i], x, y) for i in range(len(polygon))]
 
 
 def _way_to_segment(a: Point, b: Point, x: float, y: float) -> Point:

@@ -269,22 +269,25 @@ class ReturnClimb(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         height_m: Height above home to fly home at, m, or higher if it already is.
         landing: How it lands at home.
+        highest_m: Greatest height above home to fly home at, m; from above it first descends.
         anchor_enu: Place to climb at, m; None while braking.
     """
 
     height_m: float
     landing: Descend
+    highest_m: float = math.inf
     anchor_enu: Vector | None = None
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """See :class:`Task`."""
-        climb_m = situation.home_enu[2] + self.height_m - situation.position_enu[2]
-        if climb_m < REACHED_M:
+        height_m = situation.position_enu[2] - situation.home_enu[2]
+        climb_m = min(max(self.height_m, height_m), self.highest_m) - height_m
+        if abs(climb_m) < REACHED_M:
             return ReturnCruise(situation.position_enu[2], self.landing).fly(situation)
         anchor = situation.anchor(self.anchor_enu)
         x, y, _ = situation.level_way_to(anchor)
         same = anchor is self.anchor_enu
-        task = self if same else ReturnClimb(self.height_m, self.landing, anchor)
+        task = self if same else ReturnClimb(self.height_m, self.landing, self.highest_m, anchor)
         return task, Command((x, y, climb_m), _STILL, FOLLOW_GAIN_PER_S)
 
 

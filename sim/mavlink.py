@@ -30,6 +30,11 @@ UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
 FAILED: int = dialect.MAV_RESULT_FAILED
 
 
+SIGNING_EPOCH_UTC_S = 1_420_070_400
+"""2015-01-01T00:00:00 UTC, from where timestamps of signatures count."""
+SIGNING_UNITS_PER_S = 100_000
+
+
 class _Outbox:
     """The file pymavlink writes to: one entry per message."""
 
@@ -45,14 +50,23 @@ class Codec:
 
     Args:
         sysid: System id to send as.
+        signing_key: Signs what is sent, 32 bytes, and whatever is not signed with it is dropped
+            (https://mavlink.io/en/guide/message_signing.html); None for neither.
     """
 
     __slots__ = ("_mav", "_outbox")
 
-    def __init__(self, sysid: int) -> None:
+    def __init__(self, sysid: int, signing_key: bytes | None = None) -> None:
         self._outbox = _Outbox()
         self._mav = dialect.MAVLink(self._outbox, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
         self._mav.robust_parsing = True
+        self._mav.signing.secret_key = signing_key
+        self._mav.signing.sign_outgoing = signing_key is not None
+
+    def advance(self, utc_s: float) -> None:
+        """Let the timestamps of signatures follow UTC (s); they never run backwards."""
+        units = int((utc_s - SIGNING_EPOCH_UTC_S) * SIGNING_UNITS_PER_S)
+        self._mav.signing.timestamp = max(self._mav.signing.timestamp, units)
 
     def send(self, message: Message) -> None:
         """Queue a message as a datagram of its own."""

@@ -7,13 +7,24 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from sim import setpoints, telemetry
+from sim.autopilots import ardupilot_fence
+from sim.autopilots.ardupilot_fence import CIRCLE, GIVE_UP_M, MAX_ALT, POLYGON, FenceWatch
 from sim.autopilots.ardupilot_parameters import parameters
 from sim.autopilots.autopilot import Autopilot, Request
 from sim.clock import Clock
 from sim.config import VehicleConfig
 from sim.dynamics import State
 from sim.fence import Fence
-from sim.guidance import Descend, FlyTo, Hold, ReturnClimb, TakeOff, sink
+from sim.guidance import (
+    Descend,
+    FlyAcceleration,
+    FlyTo,
+    FlyVelocity,
+    Hold,
+    ReturnClimb,
+    TakeOff,
+    sink,
+)
 from sim.manners import Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
 from sim.modes import FlightMode
@@ -21,7 +32,7 @@ from sim.navigation import PositionError
 from sim.onboard import CAPACITY_MAH, Onboard
 from sim.parameters import Parameters
 from sim.plans import TransferManners
-from swarmctl.frames import LocalFrame
+from swarmctl.frames import LocalFrame, Vector
 
 SINK_MPS = 2.5
 SPOOL_UP_S = 3.35
@@ -52,7 +63,9 @@ def _landing(parameters: Parameters) -> Descend:
 
 
 def _homing(parameters: Parameters) -> ReturnClimb:
-    return ReturnClimb(0.01 * parameters["RTL_ALT"], _landing(parameters))
+    fenced = parameters["FENCE_ENABLE"] == 1.0 and int(parameters["FENCE_TYPE"]) & 1
+    highest_m = parameters["FENCE_ALT_MAX"] - parameters["FENCE_MARGIN"] if fenced else math.inf
+    return ReturnClimb(0.01 * parameters["RTL_ALT"], _landing(parameters), highest_m)
 
 
 STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, _sink)
@@ -73,8 +86,10 @@ GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
 """By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
 BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
 """By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
-FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: RTL}
-"""By FENCE_ACTION."""
+FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: LAND}
+"""By FENCE_ACTION, with what comes next where it would rather take SmartRTL."""
+RESTRAINED = (FlyVelocity, FlyAcceleration)
+"""What is held back at the fence; positions beyond it are not taken at all."""
 
 _STREAM_GROUPS = {
     dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
@@ -150,7 +165,8 @@ class ArduPilot(Autopilot):
     ) -> None:
         table = parameters(config.parameter_names, config.sysid)
         super().__init__(config, frame, clock, navigation, truth, table)
-        self._gcs_lost = self._battery_low = self._battery_critical = self._outside = False
+        self._gcs_lost = self._battery_low = self._battery_critical = False
+        self._fence_watch = FenceWatch()
         self._low_since_s: float | None = None
         self._critical_since_s: float | None = None
         self._gps_lost_since_s: float | None = None
@@ -209,11 +225,25 @@ class ArduPilot(Autopilot):
             self._fail(LAND, "EKF Failsafe: changed to LAND Mode")
 
     def _watch_fence(self) -> None:
-        me = self._me
-        outside = self._is_outside()
-        if outside and not self._outside:
-            self._fail(FENCE_ACTIONS.get(int(me.parameters["FENCE_ACTION"])), "Fence Breached")
-        self._outside = outside
+        me, watch, notice = self._me, self._fence_watch, dialect.MAV_SEVERITY_NOTICE
+        was_breached, beyond_m = bool(watch.breached), self._beyond_m()
+        fresh = watch.look(beyond_m, me.now_s)
+        if not me.armed:
+            return
+        if was_breached and not watch.breached:
+            self._say("Fence breach cleared", notice)
+        if not fresh:
+            return
+        if not me.landed:
+            self._say(f"{ardupilot_fence.named(fresh)} breached", notice)
+        action = FENCE_ACTIONS.get(int(me.parameters["FENCE_ACTION"]))
+        if action is None:
+            return
+        if me.landed:
+            me.armed = False
+            return
+        self._enter(LAND if max(beyond_m[name] for name in fresh) > GIVE_UP_M else action)
+        watch.recovering = True
 
     def _fail(self, mode: FlightMode | None, text: str) -> None:
         """Say what failed and do what is set for it; on the ground that is to disarm."""
@@ -225,20 +255,27 @@ class ArduPilot(Autopilot):
         elif self._me.mode is not LAND:
             self._enter(mode)
 
-    def _build_fence(self) -> Fence:
+    def _build_fences(self) -> dict[str, Fence]:
         me, parameters = self._me, self._me.parameters
         if parameters["FENCE_ENABLE"] != 1.0 or me.home_enu is None:
-            return Fence()
+            return {}
+        ceiling_up_m = me.home_enu[2] + parameters["FENCE_ALT_MAX"]
+        fences = {
+            MAX_ALT: Fence(ceiling_up_m=ceiling_up_m),
+            CIRCLE: self._home_circle(parameters["FENCE_RADIUS"]),
+            POLYGON: self._planned_fence(),
+        }
         kinds = int(parameters["FENCE_TYPE"])
-        ceiling = me.home_enu[2] + parameters["FENCE_ALT_MAX"] if kinds & 1 else math.inf
-        radius = parameters["FENCE_RADIUS"] if kinds & 2 else math.inf
-        if not kinds & 4:
-            circles = ((*me.home_enu[:2], radius),) if math.isfinite(radius) else ()
-            return Fence(circles_inside=circles, ceiling_up_m=ceiling)
-        return self._planned_fence(ceiling, radius)
+        return {name: fence for bit, (name, fence) in enumerate(fences.items()) if kinds >> bit & 1}
 
-    def _fence_margin_m(self) -> float:
-        return self._me.parameters["FENCE_MARGIN"]
+    def _restrained(self, velocity_enu: Vector) -> Vector:
+        me = self._me
+        here, margin_m = me.position_enu, me.parameters["FENCE_MARGIN"]
+        if isinstance(me.task, RESTRAINED):
+            for fence in self.fences().values():
+                if fence.contains(here):  # else it is free to go, and acts on its breach
+                    velocity_enu = fence.restrain(here, velocity_enu, margin_m)
+        return velocity_enu
 
     def _do_fence_enable(self, request: Request) -> int:
         if request.param1 not in {0.0, 1.0}:
@@ -261,9 +298,22 @@ class ArduPilot(Autopilot):
         return MODES.get(main, FAILED)
 
     def _enter(self, mode: FlightMode) -> int:
-        if mode is not self._me.mode:
-            super()._enter(mode)
-            self._after_ack.append(telemetry.heartbeat(self._me))
+        me, watch = self._me, self._fence_watch
+        if mode is me.mode:
+            return ACCEPTED
+        if (
+            watch.recovering
+            and int(me.parameters["FENCE_OPTIONS"]) & ardupilot_fence.NO_MODE_CHANGE
+            and me.armed
+            and not me.landed
+        ):
+            text = f"Mode change to {mode.name} failed: in fence recovery"
+            self._say(text, dialect.MAV_SEVERITY_WARNING)
+            return FAILED
+        super()._enter(mode)
+        self._after_ack.append(telemetry.heartbeat(me))
+        if me.parameters["FENCE_ACTION"] != 0.0 and watch.mode_changed(me.now_s):
+            self._say("Manual recovery started", dialect.MAV_SEVERITY_INFO)
         return ACCEPTED
 
     # --- Arming and take-off -----------------------------------------------------------
@@ -276,6 +326,8 @@ class ArduPilot(Autopilot):
             return "Arm: Compass not healthy"
         if not me.mode.can_arm:
             return f"Arm: {me.mode.name} mode not armable"
+        if self._fence_watch.breached:
+            return f"Arm: Vehicle breaching {ardupilot_fence.named(self._fence_watch.breached)}"
         return None
 
     def _idle_limit_s(self) -> float:
@@ -319,7 +371,7 @@ class ArduPilot(Autopilot):
             task = setpoints.local_setpoint(
                 message, me.origin_enu, me.position_enu, me.yaw_rad, now_s, timeout_s
             )
-        if isinstance(task, FlyTo) and not self.fence().contains(task.position_enu):
+        if isinstance(task, FlyTo) and not self._allows(task.position_enu):
             return
         self._follow(task, message)
 

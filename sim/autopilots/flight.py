@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 from sim import setpoints
 from sim.dynamics import Command, State
 from sim.fence import Fence
-from sim.guidance import FlyAcceleration, FlyVelocity, Task
+from sim.guidance import Task
 from sim.manners import Manners
 from sim.mavlink import ACCEPTED, Codec, Message, dialect
 from sim.modes import FlightMode
 from sim.onboard import Onboard
 from sim.plans import FENCE, Plans, TransferManners, fence_shapes
-
-RESTRAINED = (FlyVelocity, FlyAcceleration)
-"""What is held back at the fence; positions beyond it are not taken at all."""
+from swarmctl.frames import Vector
 
 
 class Flight(ABC):
@@ -36,10 +35,10 @@ class Flight(ABC):
 
     def __init__(self, onboard: Onboard) -> None:
         self._me = onboard
-        self._codec = Codec(onboard.config.sysid)
+        self._codec = Codec(onboard.config.sysid, onboard.config.signing_key)
         self._plans = Plans(self.transfer, self._codec.send)
-        self._fence = Fence()
-        self._fence_of: object = None
+        self._fences: Mapping[str, Fence] = {}
+        self._fences_of: object = None
 
     # --- What a personality fills in ---------------------------------------------------
 
@@ -60,8 +59,8 @@ class Flight(ABC):
         """Whether what it does takes it off the ground."""
 
     @abstractmethod
-    def _build_fence(self) -> Fence:
-        """The fence that its parameters and its plan make."""
+    def _build_fences(self) -> Mapping[str, Fence]:
+        """The fences that its parameters and its plan make, by its words for them."""
 
     @abstractmethod
     def _speed_limit_mps(self) -> float:
@@ -74,6 +73,7 @@ class Flight(ABC):
         me = self._me
         step_s = now_s - me.now_s
         me.now_s, me.truth = now_s, truth
+        self._codec.advance(me.clock.kept_utc_s(now_s))
         lost_s = me.config.gps_lost_at_s
         me.gps_ok = lost_s is None or now_s < lost_s
         if me.home_enu is None and me.up_s >= me.timeline.home_set_s:
@@ -95,10 +95,12 @@ class Flight(ABC):
         me.task, command = me.task.fly(me.situation(me.home_enu))
         if command is None:
             return None
-        velocity = command.velocity_enu
-        if isinstance(me.task, RESTRAINED):
-            velocity = self.fence().restrain(me.position_enu, velocity, self._fence_margin_m())
+        velocity = self._restrained(command.velocity_enu)
         return Command(command.error_enu, velocity, command.gain_per_s, self._speed_limit_mps())
+
+    def _restrained(self, velocity_enu: Vector) -> Vector:
+        """What is left of a velocity, m/s, where the fences do not allow all of it."""
+        return velocity_enu
 
     def _disarm_on_ground(self) -> None:
         me = self._me
@@ -150,20 +152,34 @@ class Flight(ABC):
 
     # --- Fence -------------------------------------------------------------------------
 
-    def _fence_margin_m(self) -> float:
-        """Distance from the fence at which a velocity setpoint stops, m."""
-        return 0.0
-
-    def fence(self) -> Fence:
-        """The fence in force."""
+    def fences(self) -> Mapping[str, Fence]:
+        """The fences in force."""
         me = self._me
         made_of = (me.parameters.changes, self._plans.changes, me.home_enu)
-        if made_of != self._fence_of:
-            self._fence, self._fence_of = self._build_fence(), made_of
-        return self._fence
+        if made_of != self._fences_of:
+            self._fences, self._fences_of = self._build_fences(), made_of
+        return self._fences
 
-    def _planned_fence(self, ceiling_up_m: float, circle_m: float) -> Fence:
-        """The uploaded fence with a ceiling and a circle around home (infinite for none), m."""
+    def _allows(self, position_enu: Vector) -> bool:
+        """Whether every fence allows a position, m."""
+        return all(fence.contains(position_enu) for fence in self.fences().values())
+
+    def _beyond_m(self) -> dict[str, float]:
+        """The fences that it is on the wrong side of, and how far, m."""
+        here = self._me.position_enu
+        return {
+            name: fence.beyond_m(here)
+            for name, fence in self.fences().items()
+            if not fence.contains(here)
+        }
+
+    def _home_circle(self, radius_m: float) -> Fence:
+        """A fence around home."""
+        home = self._me.home_enu
+        return Fence() if home is None else Fence(circles_inside=((*home[:2], radius_m),))
+
+    def _planned_fence(self) -> Fence:
+        """The uploaded fence."""
         me = self._me
 
         def to_enu(lat_e7: int, lon_e7: int) -> tuple[float, float]:
@@ -171,11 +187,4 @@ class Flight(ABC):
             return me.frame.to_enu(lat, lon, me.home_alt_amsl_m)[:2]
 
         inside, outside, within, without = fence_shapes(self._plans.stored(FENCE), to_enu)
-        if me.home_enu is not None and math.isfinite(circle_m):
-            within.append((me.home_enu[0], me.home_enu[1], circle_m))
-        return Fence(tuple(inside), tuple(outside), tuple(within), tuple(without), ceiling_up_m)
-
-    def _is_outside(self) -> bool:
-        """Whether it flies on the wrong side of its fence."""
-        me = self._me
-        return me.armed and not me.landed and not self.fence().contains(me.position_enu)
+        return Fence(tuple(inside), tuple(outside), tuple(within), tuple(without))

@@ -102,7 +102,10 @@ RESUMED_FROM = {POSCTL, LOITER}
 DATALINK_LOSS_ACTIONS = {1: LOITER, 2: RTL, 3: LAND}
 """By NAV_DLL_ACT."""
 FENCE_ACTIONS = {2: LOITER, 3: RTL, 5: LAND}
-"""By GF_ACTION."""
+"""By GF_ACTION; 4, to terminate, is off as long as CBRK_FLIGHTTERM is what it is by default."""
+TOO_FAR = "exceeding maximum distance to Home"
+TOO_HIGH = "exceeding maximum altitude above Home"
+OUTSIDE = "approaching or outside geofence"
 
 MANNERS = Manners(
     autopilot=dialect.MAV_AUTOPILOT_PX4,
@@ -170,7 +173,8 @@ class Px4(Autopilot):
         self._setpoint_s = -math.inf
         self._previous_setpoint_s = -math.inf
         self._takeoff_up_m = 0.0
-        self._offboard_lost = self._datalink_lost = self._outside = False
+        self._offboard_lost = self._datalink_lost = False
+        self._breached: set[str] = set()
         self._battery_stage = 0
         self._gps_lost_since_s: float | None = None
         self._messages[dialect.MAVLINK_MSG_ID_PING] = self._on_ping
@@ -238,14 +242,16 @@ class Px4(Autopilot):
 
     def _watch_fence(self) -> None:
         me = self._me
-        outside = self._is_outside()
-        if outside and not self._outside:
-            action = FENCE_ACTIONS.get(int(me.parameters["GF_ACTION"]))
+        breached = self._beyond_m().keys()
+        fresh, self._breached = breached - self._breached, set(breached)
+        if not me.armed or me.landed:
+            return
+        action = FENCE_ACTIONS.get(int(me.parameters["GF_ACTION"]))
+        for name in sorted(fresh):
             if action is None:
-                self._say("Geofence violation")
+                self._say(f"Geofence: {name}")
             else:
-                self._fail(action, "Geofence violation")
-        self._outside = outside
+                self._fail(action, f"Geofence: {name}")
 
     def _fail(self, mode: FlightMode, text: str) -> None:
         self._say(text)
@@ -255,13 +261,17 @@ class Px4(Autopilot):
         self._offboard_lost = False
         self._me.failsafe = True
 
-    def _build_fence(self) -> Fence:
+    def _build_fences(self) -> dict[str, Fence]:
         me, parameters = self._me, self._me.parameters
         if parameters["GF_ACTION"] == 0.0 or me.home_enu is None:
-            return Fence()
+            return {}
         up, across = parameters["GF_MAX_VER_DIST"], parameters["GF_MAX_HOR_DIST"]
-        ceiling = me.home_enu[2] + up if up > 0.0 else math.inf
-        return self._planned_fence(ceiling, across if across > 0.0 else math.inf)
+        fences = {OUTSIDE: self._planned_fence()}
+        if up > 0.0:
+            fences[TOO_HIGH] = Fence(ceiling_up_m=me.home_enu[2] + up)
+        if across > 0.0:
+            fences[TOO_FAR] = self._home_circle(across)
+        return fences
 
     def _is_gcs(self, message: Message) -> bool:
         return bool(message.type == dialect.MAV_TYPE_GCS)
@@ -306,7 +316,7 @@ class Px4(Autopilot):
 
     def _arming_refusal(self) -> str | None:
         me = self._me
-        if not me.position_ok:
+        if not me.position_ok or self._breached:
             return "Arming denied: Resolve system health failures first"
         if me.config.refuses_arming:
             return "Preflight Fail: Compass not healthy"

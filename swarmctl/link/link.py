@@ -3,51 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Sequence
-from typing import Literal
 
-from swarmctl.events import (
-    Command,
-    CommandOutcome,
-    GoTo,
-    InputRejected,
-    Observation,
-    ParameterValue,
-    ReadParameter,
-    RequestVersion,
-    UploadFence,
-    VehicleVersion,
-    WriteParameter,
-)
+from swarmctl.events import Command, GoTo
 from swarmctl.link import decoding
+from swarmctl.link.backend import Backend
 from swarmctl.link.channels import SILENT_LINK_S, Channels
-from swarmctl.link.facts import (
-    AUTOPILOT_COMPONENT,
-    Address,
-    CommandAck,
-    Fact,
-    Fault,
-    FenceFact,
-    Frame,
-    TimeSyncAnswer,
-)
+from swarmctl.link.exchange import Attempt
+from swarmctl.link.facts import AUTOPILOT_COMPONENT, Address, Fault, Frame
 from swarmctl.link.forward import Forwarder
 from swarmctl.link.framing import split
-from swarmctl.link.roster import Roster
+from swarmctl.link.parameters import ReadPacket, SetPacket
+from swarmctl.link.roster import AddressedVehicle, Roster
 from swarmctl.link.signing import Signing
-from swarmctl.link.vehicle import Vehicle
-
-_PERIOD_S = 1.0
-"""Between our own heartbeats, and between two reports of link quality."""
+from swarmctl.link.vehicle import Packet
 
 
-class MavlinkLink:
+class MavlinkLink(Backend[AddressedVehicle]):
     """MAVLink with every vehicle of a swarm, however many share a port.
 
-    The caller hands in every datagram, calls :meth:`handle_timer` when :meth:`next_timer` is
-    due, and after any call drains :meth:`events`, :meth:`datagrams` and :meth:`traffic`. All
-    times are monotonic seconds and must not run backwards.
+    The caller hands in every datagram, and after any call drains :meth:`datagrams` and
+    :meth:`traffic`, too.
 
     Vehicles are told apart by system id. A vehicle exists from the first HEARTBEAT of its
     autopilot component on; it is answered where it was last heard from.
@@ -64,11 +40,6 @@ class MavlinkLink:
 
     Attributes:
         messages_in: Sound and believed frames received on the vehicles' side, from whomever.
-        setpoints_out: Setpoints sent.
-        setpoints_dropped: Setpoints not sent: the vehicle is unknown or of an unknown kind, or
-            a field is not finite.
-        rejected: How often each kind of fault was met; the first of each kind was named in an
-            InputRejected.
     """
 
     def __init__(
@@ -79,19 +50,13 @@ class MavlinkLink:
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
     ) -> None:
-        self._gcs_sysid = gcs_sysid
+        super().__init__(gcs_sysid)
         self._signing = signing
         self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
         self._channels = Channels(gcs_sysid, signing)
-        self._roster = Roster(vehicles, self._channels, self.send, self._reject)
-        self._next_period_s = math.inf
-        self._events: list[Observation] = []
+        self._roster = Roster(vehicles, self._vehicles, self._channels, self.send, self._reject)
         self._datagrams: list[tuple[bytes, Address]] = []
         self._traffic: list[tuple[float, bytes]] = []
-        self.messages_in = 0
-        self.setpoints_out = 0
-        self.setpoints_dropped = 0
-        self.rejected: Counter[str] = Counter()
 
     # --- In and out --------------------------------------------------------------------
 
@@ -116,7 +81,7 @@ class MavlinkLink:
             self._channels.heard(address)
             if frame.sysid == self._gcs_sysid:
                 continue
-            vehicle = self._roster.vehicles.get(frame.sysid)
+            vehicle = self._vehicles.get(frame.sysid)
             if frame.compid != AUTOPILOT_COMPONENT:
                 if vehicle is None or vehicle.address == address:
                     self._pass_to_stations(frame, address)
@@ -128,7 +93,7 @@ class MavlinkLink:
                 self._pass_to_stations(frame, address)
                 self._hear(frame, vehicle, data, now)
 
-    def _hear(self, frame: Frame, vehicle: Vehicle, data: bytes, now: float) -> None:
+    def _hear(self, frame: Frame, vehicle: AddressedVehicle, data: bytes, now: float) -> None:
         """Take a frame from a vehicle of the swarm."""
         vehicle.statistics.count(frame.seq)
         vehicle.encoder.hear(frame)
@@ -136,102 +101,36 @@ class MavlinkLink:
         if isinstance(fact, Fault):
             self._reject_bytes(fact, data, vehicle.address, now)
         elif fact is not None:
-            if isinstance(fact, VehicleVersion):
-                self._roster.identify(fact, vehicle, now)
-            if not vehicle.is_another and self._is_for_us(fact, vehicle):
-                observation = vehicle.take(fact, now)
-                if observation is not None:
-                    self._events.append(observation)
-                self._flush(vehicle, now)
+            self._take(fact, vehicle, now)
 
-    def _meet(self, frame: Frame, address: Address, now: float) -> Vehicle | None:
+    def _meet(self, frame: Frame, address: Address, now: float) -> AddressedVehicle | None:
         """A new vehicle, if this frame makes one: from now on it gets our heartbeat."""
         vehicle = self._roster.meet(frame, address, now)
         if vehicle is not None and self._next_period_s == math.inf:
-            self._next_period_s = now
+            self._begin(now)
         return vehicle
 
-    def _is_for_us(self, fact: Fact, vehicle: Vehicle) -> bool:
-        """Whether an answer is to a question of ours: other ground stations ask, too."""
-        match fact:
-            case CommandAck() | FenceFact():
-                return fact.target_system in {0, self._gcs_sysid}
-            case TimeSyncAnswer():
-                return self._channels.has_asked(vehicle.address, fact.asked_ns)
-            case _:
-                return True
+    def _has_asked(self, vehicle: AddressedVehicle, asked_ns: int, now: float) -> bool:
+        return self._channels.has_asked(vehicle.address, asked_ns)
 
     def send(self, command: Command, now: float) -> None:
-        """Send a command, or queue it behind those its vehicle has not acknowledged yet.
-
-        Each command ends in one CommandOutcome (one that only repeats a command which still
-        waits, or is under way, shares its outcome), but for ReadParameter and WriteParameter,
-        which end in a ParameterValue, and GoTo, which leaves at once, or not at all: then it is
-        counted in ``setpoints_dropped``.
-        """
+        """See :class:`Backend`."""
         if self._signing is not None:
             self._signing.advance(now)
-        vehicle = self._roster.vehicles.get(command.sysid)
-        personality = None if vehicle is None else vehicle.personality
-        if isinstance(command, GoTo):
-            frame = None
-            if vehicle is not None and personality is not None and not vehicle.is_another:
-                frame = vehicle.encoder.setpoint(command, now)
-            if vehicle is None or frame is None:
-                self.setpoints_dropped += 1
-            else:
-                self.setpoints_out += 1
-                self._transmit(frame, vehicle.address, now)
-        elif isinstance(command, ReadParameter | WriteParameter):
-            self._parameter(command, vehicle, now)
-        elif vehicle is None:
-            self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
-        elif vehicle.is_another and not isinstance(command, RequestVersion):
-            self._end(command, "refused", "another vehicle answers under its system id", now)
-        elif personality is None:
-            detail = "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
-            self._end(command, "refused", detail, now)
-        elif isinstance(command, UploadFence):
-            vehicle.fence.submit(command, now)
-            self._flush(vehicle, now)
-        else:
-            request = personality.request_for(command, vehicle.home_alt_amsl_m)
-            if isinstance(request, str):
-                self._end(command, "refused", request, now)
-            else:
-                vehicle.exchange.submit(request, now)
-                self._flush(vehicle, now)
+        super().send(command, now)
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: heartbeats, reports, retries."""
+        """See :class:`Backend`."""
         if self._signing is not None:
             self._signing.advance(now)
-        if now >= self._next_period_s:
-            self._next_period_s += _PERIOD_S
-            if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
-                self._next_period_s = now + _PERIOD_S
-            self._every_period(now)
-        for vehicle in self._roster.vehicles.values():
-            if now >= vehicle.next_timer():
-                vehicle.handle_timer(now)
-                self._flush(vehicle, now)
+        super().handle_timer(now)
 
     def _every_period(self, now: float) -> None:
-        """Our heartbeats and questions, reports of link quality."""
-        addresses = (vehicle.address for vehicle in self._roster.vehicles.values())
+        addresses = (vehicle.address for vehicle in self._vehicles.values())
         for frame, address in self._channels.period(addresses, now):
             self._transmit(frame, address, now)
-        for sysid, vehicle in self._roster.vehicles.items():
-            self._events.append(
-                vehicle.statistics.report(sysid, now, vehicle.clock, vehicle.round_trips)
-            )
         for url in self._channels.silent(now):
             self._name_silence(url, now)
-
-    def next_timer(self) -> float:
-        """When :meth:`handle_timer` is due; infinity while nobody is known and none is called."""
-        retries = (vehicle.next_timer() for vehicle in self._roster.vehicles.values())
-        return min((self._next_period_s, *retries))
 
     # --- Endpoints ---------------------------------------------------------------------
 
@@ -243,21 +142,16 @@ class MavlinkLink:
             now: Monotonic time, s.
         """
         self._channels.listen(urls, now)
-        self._next_period_s = min(self._next_period_s, now)
+        self._begin(now)
 
     def open(self, address: Address, now: float) -> None:
         """An endpoint that calls has a connection: it gets our heartbeat from now on."""
         self._channels.call(address)
-        self._next_period_s = min(self._next_period_s, now)
+        self._begin(now)
 
     def close(self, address: Address) -> None:
         """A connection was lost."""
         self._channels.hang_up(address)
-
-    def events(self) -> list[Observation]:
-        """Drain the observations, oldest first."""
-        events, self._events = self._events, []
-        return events
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
         """Drain what is to be sent, and where to."""
@@ -272,7 +166,7 @@ class MavlinkLink:
     @property
     def addresses(self) -> dict[int, Address]:
         """Where each vehicle known by its system id was last heard from."""
-        return {sysid: vehicle.address for sysid, vehicle in self._roster.vehicles.items()}
+        return {sysid: vehicle.address for sysid, vehicle in self._vehicles.items()}
 
     # --- Other stations ----------------------------------------------------------------
 
@@ -312,62 +206,33 @@ class MavlinkLink:
     def _name_silence(self, url: str, now: float) -> None:
         """Name an endpoint on which nothing is heard; each by itself, for each has its cause."""
         self.rejected["silent_link"] += 1
-        self._events.append(
-            InputRejected(
-                received_s=now,
-                source="mavlink",
-                kind="silent_link",
-                detail=f"Nothing was heard on {url} for {SILENT_LINK_S:.0f} s: check power, radio "
-                f"and where the vehicles send their MAVLink.",
-            )
+        self._name(
+            "silent_link",
+            f"Nothing was heard on {url} for {SILENT_LINK_S:.0f} s: check power, radio and where "
+            f"the vehicles send their MAVLink.",
+            now,
         )
 
-    def _reject(self, kind: str, detail: str, now: float) -> None:
-        self.rejected[kind] += 1
-        if self.rejected[kind] == 1:
-            self._events.append(
-                InputRejected(received_s=now, source="mavlink", kind=kind, detail=detail)
-            )
+    # --- What is said ------------------------------------------------------------------
 
-    # --- What is answered --------------------------------------------------------------
-
-    def _flush(self, vehicle: Vehicle, now: float) -> None:
-        """Send and report what the vehicle's exchanges have decided."""
-        for frame in vehicle.frames():
+    def _set_point(self, goto: GoTo, vehicle: AddressedVehicle, now: float) -> bool:
+        frame = vehicle.encoder.setpoint(goto, now)
+        if frame is not None:
             self._transmit(frame, vehicle.address, now)
-        self._events.extend(vehicle.outcomes())
+        return frame is not None
 
-    def _parameter(
-        self, command: ReadParameter | WriteParameter, vehicle: Vehicle | None, now: float
-    ) -> None:
-        if vehicle is None or vehicle.personality is None:
-            self._events.append(
-                ParameterValue(
-                    received_s=now,
-                    sysid=command.sysid,
-                    parameter=command.parameter,
-                    value=None,
-                    own_name=command.parameter,
-                )
-            )
-            return
-        wanted = command.value if isinstance(command, WriteParameter) else None
-        spellings = vehicle.personality.spellings(command.parameter)
-        vehicle.parameters.submit(command.parameter, spellings, wanted, now)
-        self._flush(vehicle, now)
-
-    def _end(
-        self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float
-    ) -> None:
-        self._events.append(
-            CommandOutcome(
-                received_s=now,
-                sysid=command.sysid,
-                command=type(command).__name__,
-                result=result,
-                detail=detail,
-            )
-        )
+    def _tell(self, packet: Packet, vehicle: AddressedVehicle, now: float) -> None:
+        encoder, sysid = vehicle.encoder, vehicle.sysid
+        match packet:
+            case Attempt():
+                frame = encoder.command_long(sysid, packet.command, packet.confirmation)
+            case ReadPacket():
+                frame = encoder.param_request_read(sysid, packet.name)
+            case SetPacket():
+                frame = encoder.param_set(sysid, packet.name, packet.raw, packet.kind)
+            case _:
+                frame = encoder.plan(sysid, packet)
+        self._transmit(frame, vehicle.address, now)
 
     def _transmit(self, frame: bytes, address: Address, now: float) -> None:
         self._datagrams.append((frame, address))

@@ -4,14 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from swarmctl.events import RequestVersion, VehicleVersion
+from swarmctl.events import RequestVersion
 from swarmctl.link import decoding
 from swarmctl.link.channels import Channels
+from swarmctl.link.encoding import Encoder
 from swarmctl.link.facts import Address, Frame, MessageId
-from swarmctl.link.vehicle import Vehicle
+from swarmctl.link.vehicle import SILENT_S, Vehicle
 
-_SAME_TIME_S = 2.0
-"""Two addresses heard within this time speak at the same time."""
+
+class AddressedVehicle(Vehicle):
+    """A vehicle and where it is heard and answered.
+
+    Args:
+        sysid: Its system id.
+        address: Where it was heard first.
+        encoder: Writes our frames to that address.
+        now: Monotonic time, s.
+
+    Attributes:
+        address: Where it was last heard.
+        encoder: Writes our frames to that address.
+        rival: Another address from which its system id is heard; None without one.
+        rival_heard_s: When it was last heard there, s.
+    """
+
+    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
+        super().__init__(sysid, now)
+        self.address = address
+        self.encoder = encoder
+        self.rival: Address | None = None
+        self.rival_heard_s = now
+
+    def __str__(self) -> str:
+        return f"{super().__str__()} at {self.address}"
 
 
 class Roster:
@@ -19,28 +44,27 @@ class Roster:
 
     Args:
         expected: System ids that belong to the swarm; None for any.
+        vehicles: Where the vehicles met are kept, by system id.
         channels: The addresses.
         send: Sends a question to a vehicle.
         reject: Told of what is not believed: its kind, a sentence and the time.
-
-    Attributes:
-        vehicles: The vehicles met, by system id.
     """
 
     def __init__(
         self,
         expected: Collection[int] | None,
+        vehicles: dict[int, AddressedVehicle],
         channels: Channels,
         send: Callable[[RequestVersion, float], None],
         reject: Callable[[str, str, float], None],
     ) -> None:
         self._expected = None if expected is None else frozenset(expected)
+        self._vehicles = vehicles
         self._channels = channels
         self._send = send
         self._reject = reject
-        self.vehicles: dict[int, Vehicle] = {}
 
-    def meet(self, frame: Frame, address: Address, now: float) -> Vehicle | None:
+    def meet(self, frame: Frame, address: Address, now: float) -> AddressedVehicle | None:
         """A new vehicle, if this frame makes one."""
         if frame.message_id != MessageId.HEARTBEAT or decoding.read(frame, now) is None:
             return None
@@ -53,59 +77,31 @@ class Roster:
                 now,
             )
             return None
-        vehicle = Vehicle(frame.sysid, address, self._channels.encoder(address), now)
-        self.vehicles[frame.sysid] = vehicle
+        vehicle = AddressedVehicle(frame.sysid, address, self._channels.encoder(address), now)
+        self._vehicles[frame.sysid] = vehicle
         return vehicle
 
-    def is_where(self, vehicle: Vehicle, address: Address, now: float) -> bool:
+    def is_where(self, vehicle: AddressedVehicle, address: Address, now: float) -> bool:
         """Whether the vehicle may speak from this address.
 
         One that falls silent and comes back elsewhere has moved. While two addresses speak by
         turns they are two vehicles with the same system id, and the first is the one.
         """
-        if address == vehicle.address:
-            silent_s, vehicle.heard_s = now - vehicle.heard_s, now
-            if silent_s >= _SAME_TIME_S:
-                self._ask_who(vehicle, now)
-            if vehicle.rival is not None and now - vehicle.rival_heard_s < _SAME_TIME_S:
-                self._reject(
-                    "duplicate_sysid",
-                    f"System id {vehicle.sysid} speaks from {address} and from {vehicle.rival} "
-                    f"at the same time: only the first is used; give each vehicle its own id.",
-                    now,
-                )
-            vehicle.rival = None
-            return True
-        if now - vehicle.heard_s < _SAME_TIME_S:
-            vehicle.rival = address
-            vehicle.rival_heard_s = now
-            return False
-        vehicle.address = address
-        vehicle.encoder = self._channels.encoder(address)
-        vehicle.heard_s = now
-        vehicle.rival = None
-        self._ask_who(vehicle, now)
-        return True
-
-    def _ask_who(self, vehicle: Vehicle, now: float) -> None:
-        """Ask a vehicle that came back whether it is the one that we knew."""
-        if vehicle.uid:
-            self._send(RequestVersion(sysid=vehicle.sysid), now)
-
-    def identify(self, version: VehicleVersion, vehicle: Vehicle, now: float) -> None:
-        """Keep a vehicle's hardware id, or find that another vehicle answers in its place.
-
-        What another vehicle says is not used, and it is told nothing, until the first is back.
-        """
-        if version.uid == 0:  # not known to itself
-            return
-        vehicle.uid = vehicle.uid or version.uid
-        vehicle.is_another = version.uid != vehicle.uid
-        if vehicle.is_another:
+        if address != vehicle.address:
+            if now - vehicle.heard_s < SILENT_S:
+                vehicle.rival = address
+                vehicle.rival_heard_s = now
+                return False
+            vehicle.address = address
+            vehicle.encoder = self._channels.encoder(address)
+        elif vehicle.rival is not None and now - vehicle.rival_heard_s < SILENT_S:
             self._reject(
-                "changed_uid",
-                f"System id {version.sysid} at {vehicle.address} had the hardware id "
-                f"{vehicle.uid:#x} and now has {version.uid:#x}: another vehicle, which is not "
-                f"commanded; give each vehicle its own system id.",
+                "duplicate_sysid",
+                f"System id {vehicle.sysid} speaks from {address} and from {vehicle.rival} "
+                f"at the same time: only the first is used; give each vehicle its own id.",
                 now,
             )
+        vehicle.rival = None
+        if vehicle.hear(now):
+            self._send(RequestVersion(sysid=vehicle.sysid), now)
+        return True

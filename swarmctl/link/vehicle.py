@@ -1,8 +1,13 @@
-"""One vehicle as the link knows it: what it says becomes observations, what it is told frames."""
+"""One vehicle as a link knows it, whoever speaks MAVLink underneath.
+
+What it says becomes observations; what it is to be told becomes packets, which each backend writes
+in its own way.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 from swarmctl.events import (
     Heartbeat,
@@ -13,43 +18,43 @@ from swarmctl.events import (
     StatusText,
     VehicleClock,
     VehiclePosition,
+    VehicleVersion,
 )
 from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
 from swarmctl.link.clock import BootClock, RoundTrips
-from swarmctl.link.encoding import Encoder
-from swarmctl.link.exchange import Exchange
+from swarmctl.link.exchange import Attempt, Exchange
 from swarmctl.link.facts import (
-    Address,
     CommandAck,
     Fact,
     FenceFact,
     HeartbeatFact,
     MavCmd,
     ParameterFact,
+    PlanPacket,
     PositionFact,
     TimeSyncAnswer,
 )
 from swarmctl.link.fence import FenceExchange
-from swarmctl.link.parameters import ParameterExchange, ReadPacket
+from swarmctl.link.parameters import ParameterExchange, ReadPacket, SetPacket
 from swarmctl.link.statistics import LinkStatistics
+
+SILENT_S = 2.0
+"""A vehicle that was not heard for so long may be another one when it is heard again."""
+
+Packet: TypeAlias = Attempt | ReadPacket | SetPacket | PlanPacket
+"""What a vehicle is to be told: a command, a word of a parameter's or of a fence's transfer."""
 
 
 class Vehicle:
-    """What the link keeps about one vehicle.
+    """What a link keeps about one vehicle.
 
     Args:
         sysid: Its system id.
-        address: Where it was heard first.
-        encoder: Writes our frames to that address.
         now: Monotonic time, s.
 
     Attributes:
         sysid: As above.
-        address: Where it was last heard.
-        encoder: Writes our frames to that address.
-        heard_s: When it was last heard there, s.
-        rival: Another address from which its system id is heard; None without one.
-        rival_heard_s: When it was last heard there, s.
+        heard_s: When it was last heard, s.
         personality: Manners of its flight stack; None for what is not commanded.
         home_alt_amsl_m: Altitude of its home, m; None while it is not known.
         uid: Its hardware id; 0 while it is not known.
@@ -62,13 +67,9 @@ class Vehicle:
         fence: Fences under way.
     """
 
-    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
+    def __init__(self, sysid: int, now: float) -> None:
         self.sysid = sysid
-        self.address = address
-        self.encoder = encoder
         self.heard_s = now
-        self.rival: Address | None = None
-        self.rival_heard_s = now
         self.personality: Personality | None = None
         self.home_alt_amsl_m: float | None = None
         self.uid = 0
@@ -79,6 +80,32 @@ class Vehicle:
         self.exchange = Exchange(sysid)
         self.parameters = ParameterExchange(sysid)
         self.fence = FenceExchange(sysid)
+
+    def __str__(self) -> str:
+        return f"System id {self.sysid}"
+
+    def hear(self, now: float) -> bool:
+        """It was heard; returns whether to ask it if it is still the vehicle that we knew."""
+        silent_s, self.heard_s = now - self.heard_s, now
+        return silent_s >= SILENT_S and self.uid != 0
+
+    def identify(self, version: VehicleVersion) -> str | None:
+        """Keep its hardware id, or find that another vehicle answers in its place.
+
+        What another vehicle says is not used, and it is told nothing, until the first is back.
+
+        Returns:
+            A sentence if another vehicle answers.
+        """
+        if version.uid != 0:  # known to itself
+            self.uid = self.uid or version.uid
+            self.is_another = version.uid != self.uid
+            if self.is_another:
+                return (
+                    f"{self} had the hardware id {self.uid:#x} and now has {version.uid:#x}: "
+                    f"another vehicle, which is not commanded; give each vehicle its own system id."
+                )
+        return None
 
     def handle_timer(self, now: float) -> None:
         """Do what is due in its exchanges."""
@@ -159,21 +186,14 @@ class Vehicle:
             guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
         )
 
-    def frames(self) -> Iterator[bytes]:
-        """Drain what its exchanges want to be sent: another vehicle is only asked who it is."""
+    def packets(self) -> Iterator[Packet]:
+        """Drain what its exchanges want it to be told: another vehicle is only asked who it is."""
         for attempt in self.exchange.attempts():
             if not self.is_another or attempt.command.command == MavCmd.REQUEST_MESSAGE:
-                yield self.encoder.command_long(self.sysid, attempt.command, attempt.confirmation)
-        for packet in self.parameters.packets():
-            if self.is_another:
-                continue
-            if isinstance(packet, ReadPacket):
-                yield self.encoder.param_request_read(self.sysid, packet.name)
-            else:
-                yield self.encoder.param_set(self.sysid, packet.name, packet.raw, packet.kind)
-        for plan_packet in self.fence.packets():
-            if not self.is_another:
-                yield self.encoder.plan(self.sysid, plan_packet)
+                yield attempt
+        others = (*self.parameters.packets(), *self.fence.packets())
+        if not self.is_another:
+            yield from others
 
     def outcomes(self) -> list[Observation]:
         """Drain what its exchanges have come to."""

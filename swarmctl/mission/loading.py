@@ -23,7 +23,7 @@ from swarmctl.mission.model import Mission
 
 
 def load_mission(path: str | Path) -> Mission:
-    """Read a mission file.
+    """Read a mission file; a path in it is found from where it is.
 
     Raises:
         MissionFileError: If it cannot be read or has faults; all of them are listed.
@@ -35,7 +35,12 @@ def load_mission(path: str | Path) -> Mission:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         fault = Fault("the file", repr(str(path)), f"cannot be read ({reason}); give a YAML file")
         raise MissionFileError(str(path), (fault,)) from error
-    return parse_mission(text, str(path))
+    mission = parse_mission(text, str(path))
+    if not mission.swarm.signing_key_file:
+        return mission
+    key_file = str(path.parent / mission.swarm.signing_key_file)
+    swarm = mission.swarm.model_copy(update={"signing_key_file": key_file})
+    return mission.model_copy(update={"swarm": swarm})
 
 
 def parse_mission(text: str, path: str = "mission") -> Mission:

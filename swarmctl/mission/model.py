@@ -370,12 +370,13 @@ class SimFault(Section):
 
     Attributes:
         sysid: The vehicle.
-        kind: ``silent`` (never says a word), ``refuses_arming``, or ``dies`` (falls silent).
+        kind: ``silent`` (never says a word), ``refuses_arming``, ``other_key`` (signs with
+            another key than the mission's) or ``dies`` (falls silent).
         at_s: Simulation time of ``dies``.
     """
 
     sysid: SysId
-    kind: Literal["silent", "refuses_arming", "dies"]
+    kind: Literal["silent", "refuses_arming", "other_key", "dies"]
     at_s: NonNegative = 0.0
 
 
@@ -385,6 +386,7 @@ class Simulation(Section):
     Attributes:
         seed: Seed of every random draw.
         autopilot: Whose manners the vehicles have.
+        full_boot: Whether the vehicles boot as slowly as real ones, or in a few seconds.
         launch_spacing_m: Distance between launch points, eastwards from the origin.
         emitter: The true emitter.
         receivers: The receivers.
@@ -395,6 +397,7 @@ class Simulation(Section):
 
     seed: Annotated[int, Field(ge=0)] = 0
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    full_boot: bool = False
     launch_spacing_m: Positive = 20.0
     emitter: SimEmitter
     receivers: SimReceivers = SimReceivers()

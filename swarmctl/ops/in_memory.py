@@ -17,9 +17,11 @@ from sim.world import World
 from swarmctl.errors import SwarmError
 from swarmctl.events import Notice
 from swarmctl.link.facts import Address
+from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.mission.loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
+from swarmctl.ops.signing import signing_key
 from swarmctl.ops.simulation import sim_config, simulation_section
 from swarmctl.ops.station import Station
 
@@ -68,8 +70,11 @@ def fly_in_memory(
     world = World(sim_config(mission, seed, UTC_START_S))
     down: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "downlink"))
     up: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "uplink"))
+    key = signing_key(mission)
+    # On a virtual clock no timestamp is used twice by chance: none is kept.
+    signing = Signing(key, timestamp_at(UTC_START_S), UTC_START_S) if key is not None else None
     with Recording(mission, Path(mission_path), out, seed) as recording:
-        station = Station(mission, 0.0, UTC_START_S, recording)
+        station = Station(mission, 0.0, UTC_START_S, recording, signing=signing)
         recording.open()
         limit = mission.goal.time_limit_s + HOPELESS_S
         snapshot_at, steps, now = 0.0, 0, 0.0

@@ -13,26 +13,33 @@ from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.mission.model import Mission
 
 
+def signing_key(mission: Mission) -> bytes | None:
+    """The key that signs MAVLink; None if the mission wants none.
+
+    Raises:
+        UsageError: If the key's file holds no key.
+    """
+    path = mission.swarm.signing_key_file
+    return read_key(Path(path)) if path else None
+
+
 @contextlib.asynccontextmanager
-async def signing(
-    mission: Mission, mission_path: Path, utc_start_s: float
-) -> AsyncIterator[Signing | None]:
+async def signing(mission: Mission, utc_start_s: float) -> AsyncIterator[Signing | None]:
     """MAVLink signing as the mission wants it; None if it wants none.
 
     Args:
         mission: The mission.
-        mission_path: Its file; the key's file is found from there.
         utc_start_s: UTC at the station's time 0, s.
 
     Raises:
         UsageError: If the key's file holds no key.
         LinkError: If the timestamp cannot be kept beside it.
     """
-    if not mission.swarm.signing_key_file:
+    key = signing_key(mission)
+    if key is None:
         yield None
         return
-    path = mission_path.parent / mission.swarm.signing_key_file
-    key, file = read_key(path), TimestampFile(path)
+    file = TimestampFile(Path(mission.swarm.signing_key_file))
     used = Signing(key, max(file.load(), timestamp_at(utc_start_s)), utc_start_s)
     file.store(used.timestamp)
     keeper = asyncio.create_task(_keep(used, file))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import math
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -28,6 +29,7 @@ from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
 from swarmctl.mission.model import Mission, Simulation
+from swarmctl.ops.signing import signing_key
 
 READY = "simulating"
 """First word of the line a simulator process prints once it serves."""
@@ -51,8 +53,10 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
         utc_start_s: UTC at simulation time 0, s.
 
     Raises:
-        UsageError: If the mission has no ``sim`` section.
+        UsageError: If the mission has no ``sim`` section, or its signing key cannot be read.
     """
+    key = signing_key(mission)
+    other_key = hashlib.sha256(b"another than" + (key or b"")).digest()
     section = simulation_section(mission)
     faults = {fault.sysid: fault for fault in section.faults}
     vehicles = []
@@ -68,6 +72,8 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
                 launch_alt_amsl_m=alt,
                 autopilot=section.autopilot,
                 parameters=SPEED_PARAMETERS[section.autopilot],
+                signing_key=other_key if kind == "other_key" else key,
+                full_boot=section.full_boot,
                 boot_delay_s=0.1 * i,
                 silent=kind == "silent",
                 refuses_arming=kind == "refuses_arming",
@@ -125,11 +131,6 @@ def simulation_section(mission: Mission) -> Simulation:
             f"the mission {mission.name} has no sim section: only a mission that says where the"
             " simulated emitter is can be simulated. Add one, or fly real vehicles with"
             " `swarmctl run`."
-        )
-    if mission.swarm.signing_key_file:
-        raise UsageError(
-            f"the mission {mission.name} has a swarm.signing_key_file, but simulated vehicles do"
-            " not sign: leave it out of a mission that is simulated."
         )
     return mission.sim
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -90,7 +90,7 @@ class Station:
         shadow: bool = False,
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
-        backend: Backend | None = None,
+        backend: Backend[Any] | None = None,
     ) -> None:
         sysids = mission.swarm.sysids
         self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
@@ -98,7 +98,7 @@ class Station:
         self._mavlink = MavlinkLink(
             gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids, signing=signing, stations=stations
         )
-        self.link: Backend = backend or self._mavlink
+        self.link: Backend[Any] = backend or self._mavlink
         self.intake = FeedIntake(mission.swarm.name, sysids)
         self._frame = mission.frame
         self._utc_offset_s = utc_offset_s

@@ -23,6 +23,10 @@ GCS, OTHER = 255, 77
 """The ground station the vehicle is configured for, and another one."""
 COMPONENT = 190
 TICK_S = 0.02
+GUIDED = 4
+"""ArduCopter's mode."""
+PX4_AUTO, PX4_HOLD = 4, 3
+"""PX4's main mode AUTO and its sub-mode LOITER."""
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 LOCAL_NED, LOCAL_OFFSET, BODY, BODY_OFFSET = 1, 7, 8, 9
@@ -186,6 +190,10 @@ class Vehicle(ABC):
         for message_id in self._streams:
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 0)
         self._streams.clear()
+        # In the mode it landed in it would never be.
+        is_px4 = self.heartbeat().autopilot == mavlink.MAV_AUTOPILOT_PX4
+        mode = (PX4_AUTO, PX4_HOLD) if is_px4 else (GUIDED,)
+        self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *mode)
         deadline = self.now + 120.0
         while not (
             self.request(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health

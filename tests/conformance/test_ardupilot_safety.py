@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.conformance.flying import (
+    BRAKE,
     GUIDED,
     LAND,
     LOITER,
@@ -18,6 +19,8 @@ from tests.conformance.flying import (
     airborne_ardupilot,
 )
 from tests.conformance.harness import (
+    ACCEPTED,
+    FAILED,
     GCS,
     OTHER,
     VELOCITY,
@@ -136,6 +139,41 @@ def test_outside_the_fence_a_position_is_not_taken_and_a_velocity_stops_inside(
             assert ardupilot.heartbeat().custom_mode == GUIDED
     finally:
         ardupilot.send(mavlink.MAVLink_mission_clear_all_message(ardupilot.sysid, 1, FENCE))
+
+
+@pytest.mark.parametrize(("action", "entered"), [(0, GUIDED), (1, RTL), (2, LAND), (4, BRAKE)])
+def test_outside_a_fence_it_does_what_is_set_and_takes_no_other_mode_until_it_is_back(
+    ardupilot: Vehicle, action: int, entered: int
+) -> None:
+    airborne_ardupilot(ardupilot)
+    ardupilot.local(POSITION_ONLY, (45.0, 0.0, -30.0))
+    ardupilot.wait(20.0)
+    with ardupilot.parameters(FENCE_TYPE=2, FENCE_RADIUS=35, FENCE_ACTION=action, FENCE_ENABLE=1):
+        _, text = ardupilot.until(lambda m: of("STATUSTEXT")(m) and "fence breached" in m.text, 3.0)
+        assert text.severity == mavlink.MAV_SEVERITY_NOTICE
+        ardupilot.wait(1.5)
+        assert ardupilot.heartbeat().custom_mode == entered
+        if action != 0:
+            assert ardupilot.result(SET_MODE, 1, LOITER) == FAILED
+    ardupilot.wait(0.5)  # no fence, no recovery
+    assert ardupilot.result(SET_MODE, 1, GUIDED) == ACCEPTED
+
+
+def test_above_the_fence_it_comes_down_and_goes_home_below(ardupilot: Vehicle) -> None:
+    assert ardupilot.parameter("FENCE_TYPE").param_value == 7.0
+    assert ardupilot.parameter("FENCE_ALT_MAX").param_value == 100.0
+    airborne_ardupilot(ardupilot)
+    ardupilot.local(POSITION_ONLY, (60.0, 0.0, -30.0))
+    ardupilot.wait(20.0)
+    with ardupilot.parameters(FENCE_TYPE=1, FENCE_ALT_MAX=20, FENCE_ENABLE=1):
+        ardupilot.until(of("HEARTBEAT", custom_mode=RTL), 5.0)
+        _, cleared = ardupilot.until(
+            lambda m: of("STATUSTEXT")(m) and "cleared" in m.text.lower(), 30.0
+        )
+        assert "breach" in cleared.text
+        assert ardupilot.position()[0] > 50.0
+        ardupilot.until(lambda m: of("LOCAL_POSITION_NED")(m) and m.x < 30.0, 60.0)
+        assert 16.0 < -ardupilot.position()[2] < 20.0
 
 
 # --- Parameters ------------------------------------------------------------------------

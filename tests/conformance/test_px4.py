@@ -10,8 +10,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.conformance.flying import (
     POSITION_ONLY,
     PX4_HOLD,
+    PX4_LAND,
     PX4_OFFBOARD,
     PX4_POSCTL,
+    PX4_RTL,
     SET_MODE,
     TAKE_OFF,
     airborne_px4,
@@ -28,6 +30,7 @@ from tests.conformance.harness import (
     TEMPORARILY_REJECTED,
     TICK_S,
     VELOCITY,
+    Message,
     Vehicle,
     count,
     of,
@@ -35,6 +38,18 @@ from tests.conformance.harness import (
 )
 
 UP = -20.0
+
+
+def whole(value: Message) -> int:
+    """The whole number in a PARAM_VALUE."""
+    (number,) = struct.unpack("<i", struct.pack("<f", value.param_value))
+    return int(number)
+
+
+def as_float(number: int) -> float:
+    """What a PARAM_SET carries for a whole number."""
+    (carrier,) = struct.unpack("<f", struct.pack("<i", number))
+    return float(carrier)
 
 
 def fly(
@@ -196,13 +211,26 @@ def test_left_on_the_ground_it_disarms_after_12_s(px4: Vehicle) -> None:
 def test_whole_numbers_are_encoded_byte_by_byte(px4: Vehicle) -> None:
     value = px4.parameter("SYS_AUTOSTART")
     assert value.param_type == mavlink.MAV_PARAM_TYPE_INT32
-    (whole,) = struct.unpack("<i", struct.pack("<f", value.param_value))
-    assert 0 < whole < 100_000
-    (encoded,) = struct.unpack("<f", struct.pack("<i", 1))
+    assert 0 < whole(value) < 100_000
     before = px4.parameter("NAV_DLL_ACT").param_value
-    echo = px4.assign("NAV_DLL_ACT", encoded)
-    assert struct.pack("<f", echo.param_value) == struct.pack("<i", 1)
+    assert whole(px4.assign("NAV_DLL_ACT", as_float(1))) == 1
     px4.assign("NAV_DLL_ACT", before)
+
+
+@pytest.mark.parametrize(
+    ("action", "entered"), [(1, PX4_OFFBOARD), (2, PX4_HOLD), (3, PX4_RTL), (5, PX4_LAND)]
+)
+def test_outside_a_fence_it_does_what_is_set(px4: Vehicle, action: int, entered: int) -> None:
+    assert whole(px4.parameter("GF_ACTION")) == 2
+    offboard(px4)
+    fly(px4, 15.0, POSITION_ONLY, position=(25.0, 0.0, UP))
+    with px4.parameters(GF_ACTION=as_float(action), GF_MAX_HOR_DIST=15.0):
+        fly(px4, 3.0, POSITION_ONLY, position=(25.0, 0.0, UP))
+        heartbeat = px4.latest("HEARTBEAT")
+        assert heartbeat.custom_mode == entered
+        assert (heartbeat.system_status == mavlink.MAV_STATE_CRITICAL) == (action != 1)
+        texts = [m.text for _, m in px4.heard if of("STATUSTEXT")(m)]
+        assert any("maximum distance to Home" in text for text in texts)
 
 
 def test_it_answers_a_ping(px4: Vehicle) -> None:

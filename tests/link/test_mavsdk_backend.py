@@ -32,6 +32,7 @@ from swarmctl.events import (
     StatusText,
     StreamTelemetry,
     TakeOff,
+    UploadFence,
     WriteParameter,
 )
 from swarmctl.link.facts import Address
@@ -233,6 +234,15 @@ def test_a_vehicle_that_is_another_is_named_and_not_commanded(rig: Rig) -> None:
     )
     (outcome,) = (event for event in rig.link.events() if isinstance(event, CommandOutcome))
     assert (outcome.result, rig.link.setpoints_dropped) == ("refused", 1)
+
+
+def test_a_fence_is_refused_and_nothing_is_asked_for(rig: Rig) -> None:
+    rig.meet()
+    rig.link.send(UploadFence(sysid=1, lat_rad=0.9, lon_rad=0.2, radius_m=100.0), NOW)
+    (outcome,) = rig.link.events()
+    assert isinstance(outcome, CommandOutcome)
+    assert (outcome.command, outcome.result) == ("UploadFence", "refused")
+    assert rig.link.next_timer() > NOW
 
 
 def test_nobody_known_is_commanded(rig: Rig) -> None:

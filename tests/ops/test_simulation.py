@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from sim.config import ReceiverConfig
 from swarmctl.errors import UsageError
 from swarmctl.mission.loading import load_mission, parse_mission
 from swarmctl.ops.simulation import controller_addresses, sim_config, simulation_section
+from tests.link.test_signing import KEY
 from tests.missions import DEMO, short_mission_text
 
 
@@ -123,6 +125,22 @@ def test_faults_reach_their_vehicle() -> None:
         (False, False, 12.5),
         (False, False, None),
     ]
+
+
+def test_every_vehicle_has_the_missions_key_but_the_one_at_fault(tmp_path: Path) -> None:
+    """The key's file is found from the mission's."""
+    (tmp_path / "swarm.key").write_bytes(KEY)
+    path = tmp_path / "signed.yaml"
+    faults = [{"sysid": 3, "kind": "other_key"}]
+    path.write_text(short_mission_text(swarm__signing_key_file="swarm.key", sim__faults=faults))
+    keys = [v.signing_key for v in sim_config(load_mission(path), None, 0.0).vehicles]
+    other = keys.pop(2)
+    assert keys == 3 * [KEY]
+    assert other is not None
+    assert len(other) == len(KEY)
+    assert other != KEY
+    unsigned = sim_config(parse_mission(short_mission_text()), None, 0.0)
+    assert {v.signing_key for v in unsigned.vehicles} == {None}
 
 
 def test_a_mission_for_real_vehicles_cannot_be_simulated() -> None:

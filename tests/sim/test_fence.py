@@ -49,3 +49,16 @@ def test_whatever_velocity_is_asked_for_it_stops_just_inside(course: float, spee
         assert fence.contains(state.position_enu)
     assert state.position_enu[2] == pytest.approx(58.0, abs=0.5)
     assert math.hypot(*state.velocity_enu) < 12.0
+
+
+def test_how_far_beyond_is_told_of_each_kind() -> None:
+    square = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+    circle = (0.0, 0.0, 10.0)
+    assert Fence(inside=(square,)).beyond_m((13.0, 14.0, 0.0)) == 5.0
+    assert Fence(outside=(square,)).beyond_m((3.0, 5.0, 0.0)) == 3.0
+    assert Fence(circles_inside=(circle,)).beyond_m((9.0, 12.0, 0.0)) == 5.0
+    assert Fence(circles_outside=(circle,)).beyond_m((3.0, 4.0, 0.0)) == 5.0
+    assert Fence(ceiling_up_m=20.0).beyond_m((0.0, 0.0, 27.0)) == 7.0
+    everything = Fence((square,), (), (circle,), (), 20.0)
+    assert everything.beyond_m((3.0, 4.0, 19.0)) == 0.0
+    assert everything.beyond_m((13.0, 14.0, 27.0)) == pytest.approx(math.hypot(13.0, 14.0) - 10.0)

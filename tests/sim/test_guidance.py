@@ -97,7 +97,7 @@ def test_descent_rates(descent: Descend, height_m: float, rate: float) -> None:
 
 def test_the_legs_of_a_return() -> None:
     task, command = ReturnClimb(15.0, LANDING).fly(situation((100.0, 0.0, 8.0)))
-    assert task == ReturnClimb(15.0, LANDING, (100.0, 0.0, 8.0))
+    assert task == ReturnClimb(15.0, LANDING, anchor_enu=(100.0, 0.0, 8.0))
     assert command is not None
     assert command.error_enu == (0.0, 0.0, HOME[2] + 15.0 - 8.0)
     task, command = task.fly(situation((100.0, 0.0, 18.0)))

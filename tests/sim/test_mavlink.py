@@ -7,6 +7,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.mavlink import Codec
+from swarmctl.link.encoding import Encoder
+from swarmctl.link.framing import split
+from swarmctl.link.signing import Signing, timestamp_at
+
+KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
+UTC_S = 1_790_000_000.0
 
 
 def setpoint(sysid: int = 1) -> bytes:
@@ -63,3 +69,25 @@ def test_no_bytes_upset_it(noise: bytes) -> None:
     codec = Codec(1)
     codec.decode(noise)
     assert names(codec, setpoint()) == ["SET_POSITION_TARGET_GLOBAL_INT"]
+
+
+def test_a_signing_vehicle_is_heard_with_its_key_and_hears_with_its_key_alone() -> None:
+    """Both ways against the controller's own signing, which shares no code with it."""
+    codec = Codec(1, KEY)
+    codec.advance(UTC_S)
+    codec.send(mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
+    codec.advance(UTC_S - 3600.0)
+    codec.send(mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
+    ours = {key: Signing(key, timestamp_at(UTC_S), 0.0) for key in (KEY, OTHER_KEY)}
+    for datagram in codec.drain():
+        (frame,), faults = split(datagram)
+        assert faults == []
+        assert ours[KEY].check(frame) is None
+        wrong = ours[OTHER_KEY].check(frame)
+        assert wrong is not None
+        assert wrong.kind == "wrongly_signed"
+    right, wrongly = (Encoder(245, signing).heartbeat() for signing in ours.values())
+    assert names(codec, right) == ["HEARTBEAT"]
+    assert names(codec, right) == []  # said twice
+    assert names(codec, wrongly) == []
+    assert names(codec, Encoder(245).heartbeat()) == []

@@ -93,7 +93,8 @@ def test_leaving_the_fence_does_what_is_set(action: int, entered: int) -> None:
     assert mode(station) == OFFBOARD
     stream(station, 10.0, 40.0)
     assert mode(station) == (OFFBOARD if action == 1 else entered)
-    assert "Geofence violation" in {m.text for m in of_type("STATUSTEXT", station.received)}
+    texts = {m.text for m in of_type("STATUSTEXT", station.received)}
+    assert "Geofence: exceeding maximum distance to Home" in texts
 
 
 @pytest.mark.parametrize(("action", "entered"), [(0, HOLD), (2, LAND), (3, RTL)])
