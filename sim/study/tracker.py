@@ -239,8 +239,11 @@ def _measures(case: Case, tracks: Tracked, clean: Tracked | None) -> list[Measur
 def _shortfalls(
     case: Case, instants: Sequence[Instant], lost: int, measures: Sequence[Measure]
 ) -> tuple[str, ...]:
-    """Targets the confidence intervals do not reach, as sentences."""
-    missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost else []
+    """Targets the confidence intervals do not reach, as sentences.
+
+    Where the side is unknown, to be on the wrong one is no fault if that is said.
+    """
+    missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost and not case.sides else []
     at = {instant.time_s: instant for instant in instants}
     for target in case.targets:
         for instant in (at[time_s] for time_s in target.times_s):
