@@ -104,15 +104,16 @@ COLOURED = Receivers(
 """The RDs' 0.5 m lasts for 0.5 s."""
 
 _QUICK_S, _SLOW_S = 0.02, 0.1
+_LEFT, _STOP = "the emitter turns left by 90°", "the emitter stops"
 _CLOCKS_POOR = (Target((12.0, 16.0), 2.0, (1.2, 5.0)),)
 
 
-def _turning(what: str, turn: Turn) -> Case:
+def _turning(what: str, turn: Turn, period_s: float = _QUICK_S) -> Case:
     return Case(
-        f"{what} at 8 s, from 20 m/s; 50 Hz",
+        f"{what} at 8 s, from 20 m/s; {1.0 / period_s:g} Hz",
         DrawnEstimate(),
         WHITE,
-        _QUICK_S,
+        period_s,
         (
             Target((8.2, 8.5, 9.0, 10.0, 11.0, 12.0), None, (1.0, 6.0)),
             Target((13.0, 14.0, 16.0), 2.0, (1.5, 3.0)),
@@ -211,9 +212,11 @@ CASES = {
         (),
         first=(2.0, 6.0),
     ),
-    "turn-left": _turning("the emitter turns left by 90°", Turn(8.0, math.pi / 2.0, 1.0)),
+    "turn-left": _turning(_LEFT, Turn(8.0, math.pi / 2.0, 1.0)),
+    "turn-left-slow": _turning(_LEFT, Turn(8.0, math.pi / 2.0, 1.0), _SLOW_S),
     "turn-right": _turning("the emitter turns right by 90°", Turn(8.0, -math.pi / 2.0, 1.0)),
-    "stop": _turning("the emitter stops", Turn(8.0, 0.0, 0.0)),
+    "stop": _turning(_STOP, Turn(8.0, 0.0, 0.0)),
+    "stop-slow": _turning(_STOP, Turn(8.0, 0.0, 0.0), _SLOW_S),
     "silence": _deaf("no feed", 0, WHITE),
     "one-left": _deaf("one companion heard", 1, WHITE),
     "two-left": _deaf("two companions heard", 2, WHITE),
