@@ -234,8 +234,9 @@ def _track_run(
             found = track.predict_to(epoch.time_s)
             error[at[k]], claimed[at[k]] = found.x - truth, found.P
             resolved[at[k]] = track.is_resolved
-            carried = [e for e in track.estimates() if e.probability >= _CARRIED]
-            silent[at[k]] = all(_position_nees(e, truth) > LOST_NEES for e in carried)
+            # In a silence only the best hypothesis is known at this epoch.
+            others = [e for e in track.estimates()[1:] if count and e.probability >= _CARRIED]
+            silent[at[k]] = all(_position_nees(e, truth) > LOST_NEES for e in (found, *others))
     return Tracked(
         error[None],
         claimed[None],
