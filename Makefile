@@ -34,6 +34,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_link
 	$(BIN)/python -m tests.benchmarks.bench_backends
 	$(BIN)/python -m tests.benchmarks.bench_filters
+	$(BIN)/python -m tests.benchmarks.bench_tracker
 	$(BIN)/python -m tests.benchmarks.bench_study
 	$(BIN)/python -m tests.benchmarks.bench_designs
 	$(BIN)/python -m tests.benchmarks.bench_vehicles

@@ -8,7 +8,7 @@ companions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
@@ -148,7 +148,7 @@ def _fly(work: tuple[Campaign, str, int]) -> FormationResult:
     )
     epochs = len(campaign.engagement.epochs_s)
     logs = {
-        name: _Log(name, candidate, draw, runs, epochs)
+        name: Log(name, candidate, draw, runs, epochs)
         for name, candidate in campaign.filters.items()
     }
     # The same trajectory in all runs has one bound: the first chunk's.
@@ -166,8 +166,16 @@ def _fly(work: tuple[Campaign, str, int]) -> FormationResult:
     return FormationResult(tallies, *bounds.tallies())
 
 
-class _Log:
-    """One filter on its way through a chunk."""
+class Log:
+    """One filter on its way through a chunk.
+
+    Args:
+        name: Its name.
+        candidate: The filter.
+        draw: The chunk's beginning.
+        runs: Of the chunk.
+        epochs: It will be given.
+    """
 
     def __init__(self, name: str, candidate: Filter, draw: Draw, runs: int, epochs: int) -> None:
         self._name = name
@@ -181,6 +189,11 @@ class _Log:
         self._broken = np.zeros(runs, dtype=np.bool_)
 
     def step(self, k: int, moment: Moment, scan: Scan) -> None:
+        """Take epoch k.
+
+        Raises:
+            EstimationError: The filter failed; names it and the epoch.
+        """
         truth = moment.emitter
         if self._filter.relative:
             truth = truth - np.concatenate([moment.reference, moment.velocity], axis=-1)
@@ -212,8 +225,11 @@ class _Log:
             np.where(sound[:, None, None], belief.P, self._start.P),
         )
 
-    def tally(self) -> Tally:
-        return Tally.of(self._error, self._variance, self._covariance, self._guarded)
+    def tally(self, at: Sequence[int] | slice = slice(None)) -> Tally:
+        """Of all epochs, or of those at some."""
+        return Tally.of(
+            self._error[at], self._variance[at], self._covariance[at], self._guarded[at]
+        )
 
 
 class _Bounds:

@@ -15,6 +15,7 @@ from sim.study import registry
 from sim.study.campaign import Campaign, FormationResult, run
 from sim.study.engagement import Engagement
 from sim.study.starts import DrawnEstimate, DrawnTruth, RangeIgnorant, Start
+from sim.study.tally import Figure
 from swarmctl.errors import UsageError
 
 TIMES_S = (1.0, 4.0, 8.0, 12.0)
@@ -74,14 +75,6 @@ CASES = {
     ),
 }
 """The experiments by name."""
-
-
-class Figure(NamedTuple):
-    """A mean over runs with its 95 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)

@@ -86,12 +86,35 @@ class Moment(NamedTuple):
     companions: Array
 
 
+class Turn(NamedTuple):
+    """A change of the emitter's mind, at once.
+
+    Attributes:
+        at_s: When.
+        by_rad: Of its heading, counter-clockwise.
+        speed: Afterwards, as a share of the speed before: 0 is a stop.
+    """
+
+    at_s: float
+    by_rad: float
+    speed: float
+
+    def of(self, emitter: Array) -> Array:
+        """Position and velocity afterwards, (..., 4)."""
+        c, s = self.speed * math.cos(self.by_rad), self.speed * math.sin(self.by_rad)
+        turned = emitter.copy()
+        turned[..., 2] = c * emitter[..., 2] - s * emitter[..., 3]
+        turned[..., 3] = s * emitter[..., 2] + c * emitter[..., 3]
+        return turned
+
+
 def fly(
     engagement: Engagement,
     formation: Array,
     emitter: Array,
     motion: ConstantVelocity | None = None,
     rng: np.random.Generator | None = None,
+    turn: Turn | None = None,
 ) -> Iterator[Moment]:
     """The truth, epoch by epoch.
 
@@ -102,6 +125,7 @@ def fly(
         emitter: Position and velocity of the emitter at the start, (..., 4), SI.
         motion: How it is disturbed; None for not at all.
         rng: Drives the disturbance.
+        turn: What the emitter does besides.
 
     Raises:
         UsageError: The formation has not the shape (N, 2), or a disturbed emitter no rng.
@@ -125,7 +149,10 @@ def fly(
     reference[..., 0] = -engagement.range_m
     velocity = engagement.speed_mps * _direction(heading)
     dt = 0.0
-    for _ in engagement.epochs_s:
+    turn_at = None if turn is None else round(turn.at_s / T)
+    for k in range(len(engagement.epochs_s)):
+        if turn is not None and k == turn_at:
+            emitter = turn.of(emitter)
         sight = emitter[..., :2] - reference
         toward = np.arctan2(sight[..., 1], sight[..., 0])[..., None] + formation[:, 0]
         companions = reference[..., None, :] + formation[:, 1, None] * _direction(toward)
@@ -133,8 +160,8 @@ def fly(
 
         dt = T
         closing = emitter[..., 2:] - velocity
-        turn = sight[..., 0] * closing[..., 1] - sight[..., 1] * closing[..., 0]
-        heading = heading + engagement.gain * T * turn / np.vecdot(sight, sight)
+        across = sight[..., 0] * closing[..., 1] - sight[..., 1] * closing[..., 0]
+        heading = heading + engagement.gain * T * across / np.vecdot(sight, sight)
         velocity = engagement.speed_mps * _direction(heading)
         reference = reference + T * velocity
         emitter = emitter @ F.T

@@ -45,6 +45,15 @@ class Draw(NamedTuple):
     disturbed: bool
 
 
+def fixed_frame(prior: Prior) -> tuple[Array, Array]:
+    """Position and velocity of a prior in the fixed frame: own motion is known.
+
+    Returns:
+        Means (runs, 4) and their covariance (4, 4).
+    """
+    return prior.mean[:, CV] + prior.reference, prior.covariance[np.ix_(CV, CV)]
+
+
 class Start(Protocol):
     """A way to begin."""
 
@@ -125,3 +134,28 @@ class RangeIgnorant:
         # The true bearing at the start is due east.
         mean[:, 0] = mean[:, 2] = self.assumed_range_m
         return Draw(prior_at(mean, P, engagement), engagement.emitter, disturbed=False)
+
+
+@dataclass(frozen=True)
+class Anywhere:
+    """Nothing is known: the emitter is somewhere round the swarm, its velocity not known either.
+
+    The mean is at the reference UAV, where no filter can linearise.
+    """
+
+    reach_m: float = 15_000.0
+    speed_mps: float = 30.0
+
+    def covariance(self) -> Array:
+        """As :meth:`Start.covariance`; of a place that is uniform over the disc."""
+        P = table_1_covariance()
+        P[:3, :3] = np.diag([0.25, 0.25, 0.5]) * self.reach_m**2
+        P[3:6, 3:6] = np.diag([1.0, 1.0, 2.0]) * self.speed_mps**2
+        return P
+
+    def draw(self, engagement: Engagement, rng: np.random.Generator, runs: int) -> Draw:
+        """As :meth:`Start.draw`; nothing is drawn."""
+        del rng
+        prior = prior_at(np.zeros((runs, 9)), self.covariance(), engagement)
+        prior.mean[:, 3:5] = -prior.reference[2:]
+        return Draw(prior, engagement.emitter, disturbed=False)

@@ -6,10 +6,12 @@ with the number of runs.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.special import betaincinv, gammaincinv
 
 from swarmctl.estimation.arguments import Array, Mask
 
@@ -203,3 +205,42 @@ def _interval(total: Array, square: Array, count: Array) -> tuple[Array, Array]:
     variance = np.maximum(_mean(square, count) - mean**2, 0.0)
     half = NORMAL_95 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))
     return mean - half, mean + half
+
+
+# --- Intervals of counts and means -------------------------------------------------------
+
+
+class Figure(NamedTuple):
+    """A mean over runs with its 95 % confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def mean_of(values: Array) -> Figure:
+    """Of independent numbers, (runs,), by the central limit theorem."""
+    mean = float(values.mean())
+    half = NORMAL_95 * float(values.std(ddof=1)) / math.sqrt(len(values))
+    return Figure(mean, mean - half, mean + half)
+
+
+def root_ratio(squares: Array, others: Array) -> Figure:
+    """Root of the ratio of two means over the same runs, (runs,), by the delta method."""
+    ratio = float(squares.mean() / others.mean())
+    off = mean_of(squares - ratio * others)
+    half = (off.high - off.value) / float(others.mean())
+    return Figure(math.sqrt(ratio), math.sqrt(max(ratio - half, 0.0)), math.sqrt(ratio + half))
+
+
+def share(count: int, runs: int) -> Figure:
+    """Of runs, with the exact interval of Clopper and Pearson."""
+    low = float(betaincinv(count, runs - count + 1, 0.025)) if count else 0.0
+    high = float(betaincinv(count + 1, runs - count, 0.975)) if count < runs else 1.0
+    return Figure(count / runs, low, high)
+
+
+def poisson_rate(count: int, hours: float) -> Figure:
+    """Events an hour, with the exact interval."""
+    low = float(gammaincinv(count, 0.025)) if count else 0.0
+    return Figure(count / hours, low / hours, float(gammaincinv(count + 1, 0.975)) / hours)

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
+from swarmctl.cli import study_tables
 from swarmctl.errors import UsageError
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from sim.study.consistency import Figure, Row
     from sim.study.information import InformationStudy
 
 app = typer.Typer(help="Monte Carlo studies: the paper's simulation, consistency, information.")
@@ -36,6 +35,13 @@ WithOption = Annotated[
     list[Path] | None,
     typer.Option("--with", metavar="FILE.py", help="Registers filters or formations of yours."),
 ]
+
+FILTER_RUNS = 500
+"""Of a case of the filters, which costs seconds."""
+TRACKER_RUNS = 40
+"""Of a case of the live tracker, which costs half a second a run."""
+HEALTH = "health"
+"""The name of the case that flies :mod:`~sim.study.health`."""
 
 
 @app.command()
@@ -63,7 +69,9 @@ def table1(
     figures.write_table1(table, out)
     epochs = [round(t / table.campaign.engagement.period_s) for t in study.TIMES_S]
     for formation, result in table.results.items():
-        shown = _table(formation, ["filter", "", *(f"{time_s:g} s" for time_s in study.TIMES_S)])
+        shown = study_tables.table(
+            formation, ["filter", "", *(f"{time_s:g} s" for time_s in study.TIMES_S)]
+        )
         for name, tally in result.tallies.items():
             shown.add_row(name, "RMSE (m)", *(f"{tally.rmse[k]:.3g}" for k in epochs))
             shown.add_row("", "mean NEES", *(f"{tally.mean_nees[k]:.3g}" for k in epochs))
@@ -75,37 +83,83 @@ def table1(
 
 @app.command()
 def consistency(
-    runs: RunsOption = 500,
+    runs: Annotated[
+        int | None,
+        typer.Option("--runs", min=2, help="Monte Carlo runs (default: 500; the tracker's 40)."),
+    ] = None,
     seed: SeedOption = 0,
     case: Annotated[
         list[str] | None,
-        typer.Option("--case", help="Only this case; may be repeated (default: all)."),
+        typer.Option("--case", help="Only this case; may be repeated (default: all filters')."),
     ] = None,
+    with_tracker: Annotated[
+        bool, typer.Option("--tracker", help="All cases of the live tracker.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     workers: WorkersOption = 1,
     executor: ExecutorOption = None,
     files: WithOption = None,
 ) -> None:
-    """Measure error against the Cramér-Rao bound, and NEES, with confidence intervals."""
-    from sim.study import consistency as study  # noqa: PLC0415 - loads scipy
-    from sim.study import jsonable, registry  # noqa: PLC0415
+    """Measure error against the Cramér-Rao bound, and NEES, with confidence intervals.
 
+    The filters in white noise; with --tracker the live tracker with clocks, navigation errors,
+    echoes, manoeuvres, gaps and faults, and the filters beside it.
+    """
+    from sim.study import consistency as study  # noqa: PLC0415 - loads scipy
+    from sim.study import health, jsonable, registry, tracker, tracker_cases  # noqa: PLC0415
+
+    known = (*study.CASES, *tracker_cases.CASES, HEALTH)
+    names = case or (() if with_tracker else tuple(study.CASES))
+    if with_tracker:
+        names = (*names, *tracker_cases.CASES, HEALTH)
+    for name in names:
+        if name not in known:
+            raise UsageError(f"There is no case {name!r}; there are {', '.join(known)}.")
+    of_filters = tuple(name for name in study.CASES if name in names)
+    of_tracker = tuple(name for name in tracker_cases.CASES if name in names)
+    faults = health.FAULTS if HEALTH in names else ()
+    filter_runs, tracker_runs = runs or FILTER_RUNS, runs or TRACKER_RUNS
     registry.load(files or [])
+    if of_tracker or faults:
+        seconds = tracker_runs * (tracker.cost_s(of_tracker) + health.cost_s(faults))
+        minutes = math.ceil(seconds / 60.0)
+        typer.echo(f"{tracker_runs} runs a case take about {minutes} min on one core.", err=True)
+    parts = [len(of_filters) * filter_runs, len(of_tracker) * tracker_runs]
+    parts.append(len(faults) * tracker_runs)
     with _flying(workers, executor, files) as (pool, progress):
-        rows = study.consistency(
-            runs=runs,
-            seed=seed,
-            cases=tuple(case or study.CASES),
-            executor=pool,
-            on_progress=progress,
-        )
+
+        def told(part: int) -> Callable[[int, int], None]:
+            return lambda done, _: progress(sum(parts[:part]) + done, sum(parts))
+
+        rows, tracker_rows, health_rows = [], [], []
+        if of_filters:
+            rows = study.consistency(
+                runs=filter_runs, seed=seed, cases=of_filters, executor=pool, on_progress=told(0)
+            )
+        if of_tracker:
+            tracker_rows = tracker.tracker(
+                runs=tracker_runs, seed=seed, cases=of_tracker, executor=pool, on_progress=told(1)
+            )
+        if faults:
+            health_rows = health.health(
+                runs=tracker_runs, seed=seed, faults=faults, executor=pool, on_progress=told(2)
+            )
     if as_json:
-        document = {"runs": runs, "seed": seed, "rho": study.RHO, "rows": rows}
-        typer.echo(jsonable.dumps(document))
+        flown = {"runs": tracker_runs, "rows": tracker_rows, "health": health_rows}
+        document = {"runs": filter_runs, "seed": seed, "rho": study.RHO, "rows": rows}
+        typer.echo(jsonable.dumps({**document, "tracker": flown}))
         return
-    for name in dict.fromkeys(row.case for row in rows):
-        _print_case(study.CASES[name].title, [row for row in rows if row.case == name])
+    for name in of_filters:
+        study_tables.print_case(study.CASES[name].title, [row for row in rows if row.case == name])
+    for name in of_tracker:
+        study_tables.print_tracker_case(
+            tracker_cases.CASES[name].title, [row for row in tracker_rows if row.case == name]
+        )
+    if health_rows:
+        study_tables.print_health(health_rows)
     missed = [f"{row.case}: {s}" for row in rows for s in row.shortfalls or ()]
+    missed += [f"{row.case}: {s}" for row in tracker_rows for s in row.shortfalls or ()]
+    missed += [f"{HEALTH}: {s}" for row in health_rows for s in row.shortfalls]
     typer.echo("\n".join(["Targets missed:", *missed]) if missed else "All targets are met.")
 
 
@@ -130,7 +184,9 @@ def information(
     document = {"seed": seed, "formations": {n: s.to_json() for n, s in studies.items()}}
     (out / "information.json").write_text(jsonable.dumps(document) + "\n")
     figures.write_information(studies, out)
-    shown = _table("Information of the NCRKF, averaged over k epochs", ["", "", *studies])
+    shown = study_tables.table(
+        "Information of the NCRKF, averaged over k epochs", ["", "", *studies]
+    )
     lines: tuple[tuple[str, str, Callable[[InformationStudy], float]], ...] = (
         ("relative difference from the OKF's, k = 1", "", lambda s: s.scaled.true_weight[0]),
         (f"the same, k = {epochs}", "", lambda s: s.scaled.true_weight[-1]),
@@ -198,7 +254,7 @@ def formation(
             jsonable.dumps({"runs": runs, "seed": seed, "cells": cells, "transitions": flown})
         )
         return
-    shown = _table(
+    shown = study_tables.table(
         f"time from forming up until 1-sigma < {study.CONVERGED_SIGMA_M:g} m, {runs} missions each",
         ["N", "design", "mean (s)", "of the best", "95 %", "RMSE then (m)", "lost"],
     )
@@ -230,36 +286,6 @@ def _make(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"--out {out} cannot be made: {error.strerror}.") from error
-
-
-def _print_case(title: str, rows: list[Row]) -> None:
-    times = [f"{instant.time_s:g} s" for instant in rows[0].instants]
-    shown = _table(title, ["filter", "", *times])
-    for row in rows:
-        judged = row.shortfalls is not None
-        shown.add_row(
-            row.filter, "RMSE/bound", *(_figure(i.ratio_cv, judged) for i in row.instants)
-        )
-        shown.add_row("", "mean NEES", *(_figure(i.nees, judged) for i in row.instants))
-        shown.add_row("", "lost", *[""] * (len(times) - 1), f"{row.lost}/{row.runs}")
-    shown.add_row("bound, CV", "m", *(f"{i.cv_bound_m:.3g}" for i in rows[0].instants))
-    shown.add_row("bound, CA", "m", *(f"{i.ca_bound_m:.3g}" for i in rows[0].instants))
-    Console().print(shown)
-
-
-def _figure(figure: Figure, with_interval: bool) -> str:
-    if not with_interval:
-        return f"{figure.value:.3g}"
-    return f"{figure.value:.2f}±{0.5 * (figure.high - figure.low):.2f}"
-
-
-def _table(title: str, columns: list[str]) -> Table:
-    shown = Table(
-        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, padding=(0, 1, 0, 0)
-    )
-    for index, column in enumerate(columns):
-        shown.add_column(column, justify="right" if index > 1 else "left", no_wrap=True)
-    return shown
 
 
 @contextmanager

@@ -15,10 +15,10 @@ import pytest
 from sim.study import consistency as study
 from sim.study import registry
 from sim.study.campaign import FormationResult, run
-from sim.study.consistency import CASES, Case, Figure, Instant, Row, Target, consistency
+from sim.study.consistency import CASES, Case, Instant, Row, Target, consistency
 from sim.study.engagement import Engagement
 from sim.study.starts import DrawnEstimate
-from sim.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Tally
+from sim.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Figure, Tally
 from swarmctl.errors import UsageError
 from swarmctl.estimation.consistency import mean_bounds
 

@@ -13,6 +13,7 @@ from scipy import stats
 from sim.study.engagement import (
     Engagement,
     Moment,
+    Turn,
     fly,
     measure,
     own_acceleration,
@@ -250,3 +251,24 @@ def test_a_disturbance_without_a_generator_is_refused() -> None:
 def test_noise_from_the_reference_receiver_alone_is_refused() -> None:
     with pytest.raises(EstimationError, match="rho must be"):
         replace(Engagement(), rho=1.0).rd_covariance(3)
+
+
+@pytest.mark.parametrize(
+    ("turn", "velocity"),
+    [
+        (Turn(1.0, math.pi / 2.0, 1.0), [-14.142136, -14.142136]),
+        (Turn(1.0, -math.pi / 2.0, 1.0), [14.142136, 14.142136]),
+        (Turn(1.0, 0.0, 0.0), [0.0, 0.0]),
+    ],
+)
+def test_an_emitter_turns_at_once(turn: Turn, velocity: list[float]) -> None:
+    """Where it is at that epoch; until then all is as without it."""
+    scene, formation = Engagement(period_s=0.25, duration_s=2.0), np.array([[0.0, 300.0]])
+    plain = list(fly(scene, formation, scene.emitter))
+    turned = list(fly(scene, formation, scene.emitter, turn=turn))
+    for k in range(4):
+        np.testing.assert_array_equal(turned[k].emitter, plain[k].emitter)
+    for k in range(4, 9):
+        off = (k - 4) * 0.25 * np.array(velocity)
+        np.testing.assert_allclose(turned[k].emitter[:2], plain[4].emitter[:2] + off, atol=1e-6)
+        np.testing.assert_allclose(turned[k].emitter[2:], velocity, atol=1e-6)

@@ -11,10 +11,12 @@ from sim.study.engagement import Engagement, relative_state
 from sim.study.starts import (
     CA,
     CV,
+    Anywhere,
     DrawnEstimate,
     DrawnTruth,
     RangeIgnorant,
     Start,
+    fixed_frame,
     table_1_covariance,
 )
 from tests.sim.study.test_engagement import assert_white
@@ -93,3 +95,28 @@ def test_the_prior_claims_what_the_start_says_and_is_drawn_anew_from_a_seed(star
     np.testing.assert_array_equal(first.emitter, again.emitter)
     assert not np.array_equal(first.prior.mean, other.prior.mean)
     np.testing.assert_array_equal(first.prior.reference[:2], [-5000.0, 0.0])
+
+
+def test_anywhere_is_a_disc_round_the_swarm_and_any_velocity() -> None:
+    """The prior is that of a place uniform over the disc; the emitter is Table 1's."""
+    start = Anywhere(reach_m=6000.0, speed_mps=30.0)
+    draw = start.draw(ENGAGEMENT, np.random.default_rng(1), 3)
+    np.testing.assert_array_equal(draw.emitter, ENGAGEMENT.emitter)
+    mean, P = fixed_frame(draw.prior)
+    np.testing.assert_allclose(mean, np.broadcast_to([-5000.0, 0.0, 0.0, 0.0], (3, 4)), atol=1e-9)
+    rng = np.random.default_rng(2)
+    place = rng.uniform(-6000.0, 6000.0, (200_000, 2))
+    place = place[np.hypot(*place.T) < 6000.0]
+    np.testing.assert_allclose(P[:2, :2], np.cov(place.T), atol=0.02 * 3000.0**2)
+    np.testing.assert_allclose(P[2:, 2:], 900.0 * np.eye(2))
+
+
+@pytest.mark.parametrize("start", STARTS, ids=repr)
+def test_in_the_fixed_frame_a_prior_errs_as_in_the_paper_s_state(start: Start) -> None:
+    draw = start.draw(ENGAGEMENT, np.random.default_rng(3), 50)
+    mean, P = fixed_frame(draw.prior)
+    np.testing.assert_array_equal(P, start.covariance()[np.ix_(CV, CV)])
+    truth = relative_state(ENGAGEMENT, draw.emitter)
+    np.testing.assert_allclose(
+        mean - draw.emitter, draw.prior.mean[:, CV] - truth[..., CV], atol=1e-9
+    )
