@@ -324,7 +324,7 @@ class SimReceivers(Section):
             arrival times, which outlive its loss. The errors are the same.
     """
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=50.0)] = 10.0
+    rate_hz: Annotated[float, Field(ge=1e-3, le=50.0)] = 10.0
     sigma_m: Positive = 3.0
     rho: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.5
     clock_bias_sigma_ns: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0

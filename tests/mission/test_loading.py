@@ -73,7 +73,7 @@ def test_five_faults_are_five_lines() -> None:
         ("swarm__link", ["udpin://0.0.0.0:14550", "tcp://"], "a list of udpin://host:port"),
         ("swarm__link", [], "should be one or a list of udpin://host:port"),
         ("feed__broker", "http://localhost", "should be mqtt://[user:password@]host[:port]"),
-        ("sim__receivers__rate_hz", 0, "should be greater than 0"),
+        ("sim__receivers__rate_hz", 0, "should be greater than or equal to 0.001"),
         ("sim__receivers__clock_bias_sigma_ns", -1, "should be greater than or equal to 0"),
         ("sim__receivers__clock_bias_sigma_ns", 1e9, "should be less than or equal to 100000"),
         ("sim__receivers__clock_drift_sigma_ns_per_s", float("inf"), "less than or equal to 1000"),
