@@ -216,7 +216,7 @@ class Filter(Section):
         process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity.
         navigation_sigma_m: 1-sigma of the slowly changing error of a UAV's positions, per axis.
         navigation_tau_s: Its correlation time.
-        clock_bias_ns: 1-sigma of a receiver's clock error at the beginning.
+        clock_bias_ns: 1-sigma of a receiver's clock error at the first measurement.
         clock_drift_ns_per_s: 1-sigma of its drift.
         colour_sigma_m: 1-sigma of an arrival's correlated error (multipath).
         colour_tau_s: Its correlation time.
