@@ -12,7 +12,6 @@ The same observations at the same times give the same commands, byte for byte.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Literal
 
@@ -25,7 +24,6 @@ from swarmctl.events import (
     CommandOutcome,
     Decision,
     FeedConnection,
-    GoTo,
     HealthChanged,
     InputRejected,
     LinkConnection,
@@ -36,12 +34,11 @@ from swarmctl.events import (
     PhaseChanged,
     Plan,
     RangeDifferences,
-    Slot,
     StatusText,
     VehicleObservation,
     VehiclePosition,
 )
-from swarmctl.frames import Vector
+from swarmctl.mission.commanding import setpoints, slots_flown
 from swarmctl.mission.custody import Custody
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.launch import Landing, Launch
@@ -409,46 +406,17 @@ class Controller:
                 self._say(now, "info", decision.detail, once=False)
 
     def _command(self, planned: Planned) -> None:
-        rows = zip(
-            self.fleet.vehicles.values(),
-            planned.positions.tolist(),
-            planned.velocities.tolist(),
-            strict=True,
-        )
-        for vehicle, position, velocity in rows:
-            if not self._is_ours(vehicle):
-                continue
-            lat, lon, _ = self.frame.to_geodetic(*position)
-            self._commands.append(
-                GoTo(
-                    sysid=vehicle.sysid,
-                    lat_rad=lat,
-                    lon_rad=lon,
-                    alt_amsl_m=vehicle.altitude_amsl_m,
-                    velocity_enu=tuple(velocity),
-                )
-            )
+        ours = [self._is_ours(vehicle) for vehicle in self.fleet.vehicles.values()]
+        self._commands += setpoints(planned, self.fleet, ours)
 
     def _compare(self, planned: Planned, utc: float | None, now: float) -> Plan:
-        vehicles = list(self.fleet.vehicles.values())
-        here = [v.position_at(utc) if utc is not None else None for v in vehicles]
-        reference = here[self.planner.reference]
-        slots, worst = [], 0.0
-        for row, (vehicle, position, slot, velocity) in enumerate(
-            zip(vehicles, here, planned.slots.tolist(), planned.velocities.tolist(), strict=True)
-        ):
-            error = _distance(position, slot)
-            is_companion = row in self.planner.companions
-            reach = None if row == self.planner.reference else _distance(position, reference)
-            if error is not None and is_companion:
-                worst = max(worst, error)
-            joined = row == self.planner.reference or (
-                is_companion and row not in self.planner.returning
-            )
-            slots.append(Slot(vehicle.sysid, tuple(slot), tuple(velocity), error, reach, joined))
+        slots = slots_flown(planned, self.fleet, self.planner, utc)
+        rows = enumerate(slots)
+        errors = [s.error_m for i, s in rows if i in self.planner.companions and s.error_m]
+        self._worst_error_m = max(errors, default=0.0)
         if self._shadow:
-            worst = float(np.linalg.norm(planned.slots - planned.positions, axis=1).max())
-        self._worst_error_m = worst
+            away = planned.slots - planned.positions
+            self._worst_error_m = float(np.linalg.norm(away, axis=1).max())
         return Plan(
             at_s=now,
             reference=self._membership.reference,
@@ -515,7 +483,3 @@ class Controller:
             return
         self._notices.add(text)
         self._decisions.append(Notice(at_s=now, level=level, text=text))
-
-
-def _distance(a: Vector | None, b: Vector | None) -> float | None:
-    return None if a is None or b is None else math.dist(a, b)
