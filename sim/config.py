@@ -40,11 +40,14 @@ class ClockConfig:
         drift: Of its boot clock: seconds it gains in a second.
         utc_offset_s: Of the UTC it reports.
         utc_jitter_s: Standard deviation of each report of UTC about that.
+        speedup: Not an error, but the manner of PX4's SITL: the UTC it reports is the computer's,
+            which the simulation outruns by this factor.
     """
 
     drift: float = 0.0
     utc_offset_s: float = 0.0
     utc_jitter_s: float = 0.0
+    speedup: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,8 @@ class SimConfig:
         navigation: Navigation error.
         wind: Wind.
         seed: Seed of every random draw.
-        utc_start_s: UTC at simulation time 0, s.
+        utc_start_s: UTC at simulation time 0, s; where a vehicle reports the computer's, in the
+            sped-up time of :func:`swarmctl.frames.sped_up_utc_s`, as are all measurements.
     """
 
     swarm: str

@@ -61,6 +61,8 @@ class MavlinkLink:
         vehicles: System ids that belong to the swarm; None for any.
         signing: Signs what we send, and refuses what is not signed; None without a key.
         stations: Addresses of other ground stations that everything is passed on to.
+        speedup: Seconds of our time in a second of the computer's: what a simulator may tell for
+            UTC.
 
     Attributes:
         messages_in: Sound and believed frames received on the vehicles' side, from whomever.
@@ -78,12 +80,13 @@ class MavlinkLink:
         vehicles: Collection[int] | None,
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
+        speedup: float = 1.0,
     ) -> None:
         self._gcs_sysid = gcs_sysid
         self._signing = signing
         self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
         self._channels = Channels(gcs_sysid, signing)
-        self._roster = Roster(vehicles, self._channels, self.send, self._reject)
+        self._roster = Roster(vehicles, self._channels, self.send, self._reject, speedup)
         self._next_period_s = math.inf
         self._events: list[Observation] = []
         self._datagrams: list[tuple[bytes, Address]] = []

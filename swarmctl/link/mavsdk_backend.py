@@ -60,6 +60,7 @@ from swarmctl.link.facts import (
 )
 from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
+from swarmctl.link.vehicle import mapped
 
 _PERIOD_S = 1.0
 """Between two of our heartbeats, and between two reports of link quality."""
@@ -70,14 +71,14 @@ _SILENT_S = 2.0
 class _Vehicle:
     """What the link keeps about one vehicle."""
 
-    def __init__(self, sysid: int, direct: MavlinkDirect, now: float) -> None:
+    def __init__(self, sysid: int, direct: MavlinkDirect, now: float, speedup: float) -> None:
         self.direct = direct
         self.heard_s = now
         self.personality: Personality | None = None
         self.home_alt_amsl_m: float | None = None
         self.uid = 0
         self.is_another = False
-        self.clock = BootClock()
+        self.clock = BootClock(speedup)
         self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
@@ -98,6 +99,7 @@ class MavsdkLink:
     Args:
         gcs_sysid: Our own system id.
         vehicles: System ids that belong to the swarm; None for any.
+        speedup: Seconds of our time in a second of the computer's.
 
     Attributes:
         messages_in: Messages taken from the vehicles, of those kinds that are read.
@@ -108,7 +110,10 @@ class MavsdkLink:
             InputRejected.
     """
 
-    def __init__(self, *, gcs_sysid: int, vehicles: Collection[int] | None) -> None:
+    def __init__(
+        self, *, gcs_sysid: int, vehicles: Collection[int] | None, speedup: float = 1.0
+    ) -> None:
+        self._speedup = speedup
         self._gcs_sysid = gcs_sysid
         self._expected = None if vehicles is None else frozenset(vehicles)
         self._wake: Callable[[], object]
@@ -237,7 +242,7 @@ class MavsdkLink:
                 self._reject("unexpected_vehicle", detail, now)
                 continue
             direct = MavlinkDirect(system)
-            self._vehicles[sysid] = _Vehicle(sysid, direct, now)
+            self._vehicles[sysid] = _Vehicle(sysid, direct, now, self._speedup)
             self._next_period_s = min(self._next_period_s, now)
             for name in messages.MESSAGES:
                 direct.subscribe_message(name, lambda message, _: self._put(message))
@@ -309,14 +314,16 @@ class MavsdkLink:
                 if vehicle.personality is not None:
                     bytewise = vehicle.personality.BYTEWISE_PARAMETERS
                     vehicle.parameters.on_value(fact, now, bytewise=bytewise)
+            case VehicleClock():
+                clock = mapped(fact, vehicle.clock)
+                if clock is not None:
+                    self._events.append(clock)
             case Observation():
                 self._events.append(fact)
                 if isinstance(fact, LandedState):
                     vehicle.exchange.on_state(fact, now)
                 elif isinstance(fact, StatusText):
                     vehicle.exchange.on_text(fact.text, now)
-                elif isinstance(fact, VehicleClock):
-                    vehicle.clock.update(fact.utc_s, fact.boot_s)
                 elif isinstance(fact, HomePosition):
                     vehicle.home_alt_amsl_m = fact.alt_amsl_m
         self._flush(vehicle, sysid, now)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection
 from swarmctl.events import RequestVersion, VehicleVersion
 from swarmctl.link import decoding
 from swarmctl.link.channels import Channels
+from swarmctl.link.clock import BootClock
 from swarmctl.link.facts import Address, Frame, MessageId
 from swarmctl.link.vehicle import Vehicle
 
@@ -22,6 +23,7 @@ class Roster:
         channels: The addresses.
         send: Sends a question to a vehicle.
         reject: Told of what is not believed: its kind, a sentence and the time.
+        speedup: Seconds of our time in a second of the computer's.
 
     Attributes:
         vehicles: The vehicles met, by system id.
@@ -33,7 +35,9 @@ class Roster:
         channels: Channels,
         send: Callable[[RequestVersion, float], None],
         reject: Callable[[str, str, float], None],
+        speedup: float,
     ) -> None:
+        self._speedup = speedup
         self._expected = None if expected is None else frozenset(expected)
         self._channels = channels
         self._send = send
@@ -53,7 +57,8 @@ class Roster:
                 now,
             )
             return None
-        vehicle = Vehicle(frame.sysid, address, self._channels.encoder(address), now)
+        encoder, clock = self._channels.encoder(address), BootClock(self._speedup)
+        vehicle = Vehicle(frame.sysid, address, encoder, now, clock)
         self.vehicles[frame.sysid] = vehicle
         return vehicle
 

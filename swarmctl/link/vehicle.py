@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
+
 from swarmctl.events import (
     Heartbeat,
     HomePosition,
@@ -34,6 +36,21 @@ from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
 
 
+def mapped(told: VehicleClock, clock: BootClock) -> VehicleClock | None:
+    """Let a clock know what its vehicle tells; returns it in the clock's time base.
+
+    Args:
+        told: The vehicle's SYSTEM_TIME.
+        clock: Its clock.
+
+    Returns:
+        None while the clock is not known yet.
+    """
+    clock.update(told.utc_s, told.boot_s)
+    utc_s = clock.to_utc(told.boot_s)
+    return None if utc_s is None else msgspec.structs.replace(told, utc_s=utc_s)
+
+
 class Vehicle:
     """What the link keeps about one vehicle.
 
@@ -42,6 +59,7 @@ class Vehicle:
         address: Where it was heard first.
         encoder: Writes our frames to that address.
         now: Monotonic time, s.
+        clock: Its time since boot against UTC, not known yet.
 
     Attributes:
         sysid: As above.
@@ -54,7 +72,7 @@ class Vehicle:
         home_alt_amsl_m: Altitude of its home, m; None while it is not known.
         uid: Its hardware id; 0 while it is not known.
         is_another: Whether another vehicle answers under its system id.
-        clock: Its time since boot against UTC.
+        clock: As above.
         round_trips: Its time since boot against ours.
         statistics: Its messages and losses.
         exchange: Commands under way.
@@ -62,7 +80,9 @@ class Vehicle:
         fence: Fences under way.
     """
 
-    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
+    def __init__(
+        self, sysid: int, address: Address, encoder: Encoder, now: float, clock: BootClock
+    ) -> None:
         self.sysid = sysid
         self.address = address
         self.encoder = encoder
@@ -73,7 +93,7 @@ class Vehicle:
         self.home_alt_amsl_m: float | None = None
         self.uid = 0
         self.is_another = False
-        self.clock = BootClock()
+        self.clock = clock
         self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
@@ -134,7 +154,7 @@ class Vehicle:
                 elif isinstance(fact, StatusText):
                     self.exchange.on_text(fact.text, now)
                 elif isinstance(fact, VehicleClock):
-                    self.clock.update(fact.utc_s, fact.boot_s)
+                    return mapped(fact, self.clock)
                 elif isinstance(fact, HomePosition):
                     self.home_alt_amsl_m = fact.alt_amsl_m
                 return fact

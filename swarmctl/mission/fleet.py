@@ -23,6 +23,8 @@ from swarmctl.frames import LocalFrame, Vector
 
 CLOCK_WINDOW_S = 3.0
 """The vehicles' clocks are judged by the reports of this long."""
+REORDERING_S = 2.0
+"""Time since boot that goes back by more than this shows that a vehicle has booted again."""
 AIRBORNE_M = 3.0
 """A vehicle this far above its launch point flies; position noise alone does not lift it."""
 
@@ -37,7 +39,8 @@ class VehicleState:
         position_enu: Latest position, m.
         launch_enu: Where it stood before take-off (its own home position), m.
         parameters: What was last told of each parameter, by its newest name.
-        clock_first: First SYSTEM_TIME heard; with the latest it tells the clocks' rates.
+        clock_first: First SYSTEM_TIME since it booted; with the latest it tells the clocks' rates.
+        clock_last: The latest.
     """
 
     sysid: int
@@ -148,7 +151,8 @@ class Fleet:
                 self._observe_clock(vehicle, event)
 
     def _observe_clock(self, vehicle: VehicleState, event: VehicleClock) -> None:
-        if vehicle.clock_first is None:
+        last = vehicle.clock_last
+        if last is None or event.boot_s < last.boot_s - REORDERING_S:
             vehicle.clock_first = event
         vehicle.clock_last = event
         self._offsets.append((event.received_s, event.utc_s - event.received_s))

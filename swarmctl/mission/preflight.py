@@ -44,6 +44,9 @@ CLOCK_TOLERANCE = 0.2
 def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
     """Seconds of vehicle time in one second of the controller's.
 
+    Of its two times, UTC and time since boot, the one that is further off counts: the first
+    dates its positions, the second is the time that it flies in.
+
     Args:
         vehicle: The vehicle.
         span_s: How long it must have been watched, by either clock, s; before that None.
@@ -52,10 +55,10 @@ def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | N
     if first is None or last is None:
         return None
     own = last.received_s - first.received_s
-    theirs = last.utc_s - first.utc_s
-    if max(own, theirs) < span_s or own <= 0.0:
+    theirs = (last.utc_s - first.utc_s, last.boot_s - first.boot_s)
+    if max(own, *theirs) < span_s or own <= 0.0:
         return None
-    return theirs / own
+    return max((span / own for span in theirs), key=lambda rate: abs(rate - 1.0))
 
 
 def clock_fault(vehicle: VehicleState, hiccup_s: float) -> str | None:
@@ -72,7 +75,7 @@ def clock_fault(vehicle: VehicleState, hiccup_s: float) -> str | None:
     return (
         f"the clock of vehicle {vehicle.sysid} (SYSTEM_TIME) runs {rate:.2g} times as fast as this"
         " controller's: start `swarmctl run` with the same --speedup as the simulator, and"
-        " without one for real vehicles"
+        " without one for real vehicles; a simulator that cannot keep up needs a lower one"
     )
 
 

@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from sim.config import (
+    ClockConfig,
     EmitterConfig,
     NavigationConfig,
     ReceiverConfig,
@@ -26,6 +27,7 @@ from sim.serve import serve, serve_receivers
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
+from swarmctl.frames import sped_up_utc_s
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
 from swarmctl.mission.model import Mission, Simulation
 
@@ -42,18 +44,23 @@ SPEED_PARAMETERS = {
 """What the owner of the simulated vehicles has set: as fast as their airframe can."""
 
 
-def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimConfig:
+def sim_config(
+    mission: Mission, seed: int | None, utc_start_s: float, speedup: float = 1.0
+) -> SimConfig:
     """Configuration of a mission's simulation.
 
     Args:
         mission: A mission with a ``sim`` section.
         seed: Overrides the section's seed.
         utc_start_s: UTC at simulation time 0, s.
+        speedup: Simulated seconds per second: as in SITL, UTC follows it on an ArduCopter, and
+            not on a PX4.
 
     Raises:
         UsageError: If the mission has no ``sim`` section.
     """
     section = simulation_section(mission)
+    clock = ClockConfig(speedup=speedup if section.autopilot == "px4" else 1.0)
     faults = {fault.sysid: fault for fault in section.faults}
     vehicles = []
     for i, sysid in enumerate(mission.swarm.sysids):
@@ -68,6 +75,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
                 launch_alt_amsl_m=alt,
                 autopilot=section.autopilot,
                 parameters=SPEED_PARAMETERS[section.autopilot],
+                clock=clock,
                 boot_delay_s=0.1 * i,
                 silent=kind == "silent",
                 refuses_arming=kind == "refuses_arming",
@@ -103,7 +111,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
             gust_sigma_mps=wind.gust_sigma_mps,
         ),
         seed=section.seed if seed is None else seed,
-        utc_start_s=utc_start_s,
+        utc_start_s=sped_up_utc_s(utc_start_s, clock.speedup),
     )
 
 
@@ -156,7 +164,7 @@ async def serve_mission(
     Raises:
         SwarmError: If a port is in use or the broker cannot be reached.
     """
-    config = sim_config(mission, seed, utc_start_s)
+    config = sim_config(mission, seed, utc_start_s, speedup)
     async with _broker(mission, broker) as (address, credentials):
         await serve(
             config,
@@ -174,6 +182,7 @@ async def serve_receivers_of(
     *,
     listen: str,
     seed: int | None,
+    speedup: float,
     broker: str | None,
     ready: Callable[[], None],
     stop: asyncio.Event,
@@ -184,6 +193,7 @@ async def serve_receivers_of(
         mission: A mission with a ``sim`` section.
         listen: Where their MAVLink is heard, ``udpin://host:port``.
         seed: Overrides the section's seed.
+        speedup: Simulated seconds per second, for vehicles whose UTC does not follow it.
         broker: URL of an outside broker; None starts the embedded one at ``feed.broker``.
         ready: Called once everything is served.
         stop: Ends the simulation.
@@ -204,6 +214,7 @@ async def serve_receivers_of(
             here=(url.host, url.port),
             broker=address,
             credentials=credentials,
+            speedup=speedup,
             ready=ready,
             stop=stop,
         )

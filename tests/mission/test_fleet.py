@@ -17,6 +17,17 @@ def clock(received_s: float, utc_s: float) -> VehicleClock:
     return VehicleClock(received_s=received_s, sysid=1, utc_s=utc_s, boot_s=0.0)
 
 
+def test_a_vehicle_that_boots_again_has_its_clock_watched_from_there_on() -> None:
+    known = fleet()
+    for received, boot in ((10.0, 50.0), (11.0, 51.0), (12.0, 50.5), (20.0, 3.0), (21.0, 4.0)):
+        known.observe(
+            VehicleClock(received_s=received, sysid=1, utc_s=1000.0 + received, boot_s=boot)
+        )
+        first = known.vehicles[1].clock_first
+        assert first is not None
+        assert first.received_s == (10.0 if received < 20.0 else 20.0)
+
+
 def position(received_s: float, epoch: float | None, up: float = 40.0) -> VehiclePosition:
     lat, lon, alt = FRAME.to_geodetic(100.0, 50.0, up)
     return VehiclePosition(
