@@ -63,6 +63,8 @@ class VehicleConfig:
         autopilot: Whose manners it has.
         parameters: What its owner has set, by name; all others have the autopilot's defaults.
         parameter_names: The ArduPilot release whose parameter names it goes by.
+        knows_intervals: Whether SET_MESSAGE_INTERVAL and REQUEST_MESSAGE are known to it; ArduPilot
+            before 4.0 has REQUEST_DATA_STREAM alone.
         full_boot: Whether booting takes as long as it really does, or a few seconds.
         clock: Errors of its clocks.
         boot_delay_s: Simulation time at which it powers up.
@@ -82,6 +84,7 @@ class VehicleConfig:
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     parameters: tuple[tuple[str, float], ...] = ()
     parameter_names: Literal["4.6", "4.7-dev", "4.7"] = "4.7-dev"
+    knows_intervals: bool = True
     full_boot: bool = False
     clock: ClockConfig = field(default_factory=ClockConfig)
     boot_delay_s: float = 0.0

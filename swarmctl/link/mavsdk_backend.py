@@ -50,17 +50,17 @@ from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
     CommandAck,
+    DataStream,
     Fact,
     Fault,
     HeartbeatFact,
-    MavCmd,
     ParameterFact,
     PositionFact,
     TimeSyncAnswer,
 )
 from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
-from swarmctl.link.vehicle import mapped
+from swarmctl.link.vehicle import WHO_ARE_YOU, mapped
 
 _PERIOD_S = 1.0
 """Between two of our heartbeats, and between two reports of link quality."""
@@ -372,7 +372,11 @@ class MavsdkLink:
     def _flush(self, vehicle: _Vehicle, sysid: int, now: float) -> None:
         """Send and report what the vehicle's exchanges have decided."""
         for attempt in vehicle.exchange.attempts():
-            if not vehicle.is_another or attempt.command.command == MavCmd.REQUEST_MESSAGE:
+            if isinstance(attempt.command, DataStream):
+                if not vehicle.is_another:
+                    wanted = messages.request_data_stream(sysid, attempt.command)
+                    self._transmit(vehicle, "REQUEST_DATA_STREAM", wanted)
+            elif not vehicle.is_another or attempt.command.command in WHO_ARE_YOU:
                 fields = messages.command_long(sysid, attempt.command, attempt.confirmation)
                 self._transmit(vehicle, "COMMAND_LONG", fields)
         self._events.extend(vehicle.exchange.outcomes())

@@ -23,6 +23,7 @@ from swarmctl.link.exchange import Exchange
 from swarmctl.link.facts import (
     Address,
     CommandAck,
+    DataStream,
     Fact,
     FenceFact,
     HeartbeatFact,
@@ -34,6 +35,9 @@ from swarmctl.link.facts import (
 from swarmctl.link.fence import FenceExchange
 from swarmctl.link.parameters import ParameterExchange, ReadPacket
 from swarmctl.link.statistics import LinkStatistics
+
+WHO_ARE_YOU = {MavCmd.REQUEST_MESSAGE, MavCmd.REQUEST_AUTOPILOT_CAPABILITIES}
+"""What is asked of a vehicle that is not believed to be itself."""
 
 
 def mapped(told: VehicleClock, clock: BootClock) -> VehicleClock | None:
@@ -182,7 +186,10 @@ class Vehicle:
     def frames(self) -> Iterator[bytes]:
         """Drain what its exchanges want to be sent: another vehicle is only asked who it is."""
         for attempt in self.exchange.attempts():
-            if not self.is_another or attempt.command.command == MavCmd.REQUEST_MESSAGE:
+            if isinstance(attempt.command, DataStream):
+                if not self.is_another:
+                    yield self.encoder.request_data_stream(self.sysid, attempt.command)
+            elif not self.is_another or attempt.command.command in WHO_ARE_YOU:
                 yield self.encoder.command_long(self.sysid, attempt.command, attempt.confirmation)
         for packet in self.parameters.packets():
             if self.is_another:

@@ -23,6 +23,8 @@ from swarmctl.mission.watch import Failure
 
 POSITION_HZ = 10.0
 """Position reports asked of every vehicle, Hz."""
+LEAST_POSITION_HZ = 2.0
+"""With fewer the positions between two reports are too uncertain, and a loss is seen too late."""
 ANSWER_TIMEOUT_S = 30.0
 """A vehicle that has not been heard this long after the start has failed."""
 CHECK_TIMEOUT_S = 60.0
@@ -112,6 +114,13 @@ def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = Fal
         unmet.append("it does not report its position (GLOBAL_POSITION_INT)")
     elif vehicle.position.epoch_utc_s is None or not _is_in_step(vehicle):
         unmet.append("its clock is not known yet (SYSTEM_TIME)")
+    elif vehicle.position_hz is None or vehicle.position_hz < LEAST_POSITION_HZ:
+        told = vehicle.position_hz
+        rate = "not yet often enough to tell" if told is None else f"{told:.1f} times a second"
+        unmet.append(
+            f"it reports its position {rate}; {LEAST_POSITION_HZ:g} times a second are needed"
+            " (GLOBAL_POSITION_INT)"
+        )
     if vehicle.launch_enu is None:
         unmet.append("it has no home position (HOME_POSITION)")
     else:

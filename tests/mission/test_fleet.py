@@ -1,5 +1,6 @@
 """What is known of the vehicles, and the time."""
 
+import msgspec
 import pytest
 
 from swarmctl.events import Heartbeat, HomePosition, Mode, VehicleClock, VehiclePosition
@@ -52,6 +53,17 @@ def heartbeat(received_s: float, *, mode: Mode = Mode.GUIDED, armed: bool = True
         mode_name=mode.upper(),
         armed=armed,
     )
+
+
+def test_the_rate_of_the_positions_is_told_by_the_vehicles_clock_since_it_booted() -> None:
+    known = fleet()
+    assert known.vehicles[1].position_hz is None
+    for boots, rate_hz in ((range(100, 200), 4.0), (range(40), 10.0)):
+        for n in boots:
+            # They come in a bunch.
+            report = position(0.0, None)
+            known.observe(msgspec.structs.replace(report, boot_s=n / rate_hz))
+        assert known.vehicles[1].position_hz == pytest.approx(rate_hz)
 
 
 def test_the_least_delayed_clock_report_tells_the_time() -> None:
