@@ -6,6 +6,7 @@ import numpy as np
 
 from sim.config import ClockConfig
 from sim.noise import Normals
+from swarmctl.frames import sped_up_utc_s
 
 
 class Clock:
@@ -13,7 +14,7 @@ class Clock:
 
     Args:
         config: Their errors.
-        utc_start_s: UTC at simulation time 0, s.
+        utc_start_s: UTC at simulation time 0, s, as SimConfig has it.
         rng: Generator of its own.
     """
 
@@ -35,4 +36,6 @@ class Clock:
     def utc_s(self, now_s: float) -> float:
         """UTC as it reports it once at a simulation time (s): each report has its own jitter."""
         utc_s, jitter_s = self.kept_utc_s(now_s), self._config.utc_jitter_s
+        if self._config.speedup != 1.0:
+            utc_s = sped_up_utc_s(utc_s, 1.0 / self._config.speedup)
         return utc_s + jitter_s * self._normals.draw() if jitter_s else utc_s

@@ -40,11 +40,14 @@ class ClockConfig:
         drift: Of its boot clock: seconds it gains in a second.
         utc_offset_s: Of the UTC it reports.
         utc_jitter_s: Standard deviation of each report of UTC about that.
+        speedup: Not an error, but the manner of PX4's SITL: the UTC it reports is the computer's,
+            which the simulation outruns by this factor.
     """
 
     drift: float = 0.0
     utc_offset_s: float = 0.0
     utc_jitter_s: float = 0.0
+    speedup: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ class VehicleConfig:
         autopilot: Whose manners it has.
         parameters: What its owner has set, by name; all others have the autopilot's defaults.
         parameter_names: The ArduPilot release whose parameter names it goes by.
+        knows_intervals: Whether SET_MESSAGE_INTERVAL and REQUEST_MESSAGE are known to it; ArduPilot
+            before 4.0 has REQUEST_DATA_STREAM alone.
         full_boot: Whether booting takes as long as it really does, or a few seconds.
         signing_key: Signs what it says, 32 bytes; what it hears must be signed with the same. None
             for a vehicle that does not sign.
@@ -81,6 +86,7 @@ class VehicleConfig:
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     parameters: tuple[tuple[str, float], ...] = ()
     parameter_names: Literal["4.6", "4.7-dev", "4.7"] = "4.7-dev"
+    knows_intervals: bool = True
     full_boot: bool = False
     signing_key: bytes | None = None
     clock: ClockConfig = field(default_factory=ClockConfig)
@@ -190,7 +196,8 @@ class SimConfig:
         navigation: Navigation error.
         wind: Wind.
         seed: Seed of every random draw.
-        utc_start_s: UTC at simulation time 0, s.
+        utc_start_s: UTC at simulation time 0, s; where a vehicle reports the computer's, in the
+            sped-up time of :func:`swarmctl.frames.sped_up_utc_s`, as are all measurements.
     """
 
     swarm: str

@@ -172,6 +172,7 @@ async def serve_receivers(
     here: tuple[str, int],
     broker: tuple[str, int],
     credentials: tuple[str, str | None] | None = None,
+    speedup: float = 1.0,
     ready: Callable[[], None] | None = None,
     stop: asyncio.Event,
 ) -> None:
@@ -182,13 +183,14 @@ async def serve_receivers(
         here: Host and port on which the vehicles' MAVLink is heard.
         broker: Host and port of the MQTT broker, which must be up.
         credentials: User name and password for the broker; None for an anonymous client.
+        speedup: Simulated seconds per second, for vehicles whose UTC does not follow it.
         ready: Called once everything is open.
         stop: Ends the simulation when set.
 
     Raises:
         SimError: The port cannot be opened, or the broker cannot be reached or goes away.
     """
-    listening = Listening(config)
+    listening = Listening(config, speedup)
     loop = asyncio.get_running_loop()
     host, port = here
     try:

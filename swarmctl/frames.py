@@ -1,4 +1,4 @@
-"""Geodesy: WGS-84 latitude/longitude/altitude to and from a local east-north-up frame.
+"""Where and when: geodesy, WGS-84 to and from a local east-north-up frame, and sped-up UTC.
 
 Angles in radians, lengths in metres. The conversion goes through ECEF and is exact (the
 inverse to below a tenth of a millimetre within 100 km); a flat-earth shortcut would err by
@@ -19,6 +19,24 @@ WGS84_E2 = WGS84_F * (2.0 - WGS84_F)
 
 Vector = tuple[float, float, float]
 """Three floats: a position or velocity in ENU (m, m/s) or ECEF (m)."""
+
+SPED_UP_FROM_UTC_S = 1_767_225_600.0
+"""2026-01-01: any instant would do, as long as whoever measures and whoever flies agree on it
+without a word. The later, the nearer to the date is what comes of it."""
+
+
+def sped_up_utc_s(utc_s: float, speedup: float) -> float:
+    """The time base of vehicles that are simulated faster than the UTC they tell, s.
+
+    PX4's SITL tells the computer's UTC, whatever its speed-up. Its measurements then have a time
+    that goes ``speedup`` times as fast and depends on nothing but that UTC: it is the same for
+    every vehicle and in every process, whenever it was started.
+
+    Args:
+        utc_s: UTC, s.
+        speedup: Simulated seconds per second.
+    """
+    return SPED_UP_FROM_UTC_S + speedup * (utc_s - SPED_UP_FROM_UTC_S)
 
 
 def geodetic_to_ecef(lat_rad: float, lon_rad: float, alt_m: float) -> Vector:

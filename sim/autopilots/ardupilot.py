@@ -32,6 +32,7 @@ from sim.navigation import PositionError
 from sim.onboard import CAPACITY_MAH, Onboard
 from sim.parameters import Parameters
 from sim.plans import TransferManners
+from sim.telemetry import home_position
 from swarmctl.frames import LocalFrame, Vector
 
 SINK_MPS = 2.5
@@ -112,6 +113,9 @@ _STREAM_GROUPS = {
 }
 """Messages of REQUEST_DATA_STREAM's groups."""
 
+_SINCE_4_0 = (dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE)
+"""Commands that older firmware does not know."""
+
 MANNERS = Manners(
     autopilot=dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
     flight_sw_version=4 << 24 | 7 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL,
@@ -171,6 +175,10 @@ class ArduPilot(Autopilot):
         self._critical_since_s: float | None = None
         self._gps_lost_since_s: float | None = None
         self._messages[dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM] = self._on_request_data_stream
+        self._commands[dialect.MAV_CMD_GET_HOME_POSITION] = self._do_get_home_position
+        if not config.knows_intervals:
+            for command in _SINCE_4_0:
+                del self._commands[command]
         self._commands[dialect.MAV_CMD_DO_FENCE_ENABLE] = self._do_fence_enable
 
     # --- Failsafes ---------------------------------------------------------------------
@@ -374,6 +382,13 @@ class ArduPilot(Autopilot):
         if isinstance(task, FlyTo) and not self._allows(task.position_enu):
             return
         self._follow(task, message)
+
+    def _do_get_home_position(self, _request: Request) -> int:
+        home = home_position(self._me)
+        if home is None:
+            return FAILED
+        self._after_ack.append(home)
+        return ACCEPTED
 
     def _on_request_data_stream(self, message: Message, now_s: float) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0

@@ -222,11 +222,6 @@ def sim(
 
     if listen is not None and not receivers_only:
         raise UsageError("--listen goes with --receivers-only: other vehicles are not heard.")
-    if receivers_only and speedup != 1.0:
-        raise UsageError(
-            "--receivers-only goes by the vehicles' own clocks, whatever their speed-up: leave"
-            " --speedup out."
-        )
     if with_parent:
         # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -255,7 +250,13 @@ def sim(
                 loop.add_signal_handler(number, stop.set)
         if receivers_only:
             await serve_receivers_of(
-                loaded, listen=heard_at, seed=seed, broker=broker, ready=ready, stop=stop
+                loaded,
+                listen=heard_at,
+                seed=seed,
+                speedup=speedup,
+                broker=broker,
+                ready=ready,
+                stop=stop,
             )
         else:
             await serve_mission(

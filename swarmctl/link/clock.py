@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+
+from swarmctl.frames import sped_up_utc_s
 
 _REORDERING_S = 2.0
 """Packets overtake each other by less than this; boot time further back means a reboot."""
@@ -10,6 +13,8 @@ _PAIRS = 10
 """SYSTEM_TIMEs that the uncertainty is judged by."""
 _BOOT_RESOLUTION_S = 1e-3
 """SYSTEM_TIME cuts the boot time to the millisecond."""
+_JUDGED_AFTER_S = 1.5
+"""Time since boot over which it is judged whether a vehicle's UTC keeps up with it."""
 _ROUND_TRIPS = 10
 """Round trips among which the shortest is looked for."""
 
@@ -20,32 +25,47 @@ class BootClock:
     Both times of a SYSTEM_TIME belong to one instant of the vehicle, so the link's delay does
     not enter; what remains is the millisecond to which the boot time is cut. The latest pair
     counts: it follows the drift of the vehicle's oscillator and a step of its UTC.
+
+    A simulator with a speed-up may tell simulated UTC, as ArduPilot's SITL does, or the
+    computer's, as PX4's does. Which it is shows in how fast UTC goes against the time since boot,
+    and holds until the vehicle boots again. The computer's is then sped up
+    (:func:`swarmctl.frames.sped_up_utc_s`); a simulator that is somewhat slower or faster than it
+    should be is followed between two pairs by the slope of the last ones.
+
+    Args:
+        speedup: Seconds of the controller's time in a second of the computer's.
     """
 
-    def __init__(self) -> None:
-        self._offsets_s: deque[float] = deque(maxlen=_PAIRS)
+    def __init__(self, speedup: float = 1.0) -> None:
+        self._speedup = speedup
+        self._pairs: deque[tuple[float, float]] = deque(maxlen=_PAIRS)
         self._boot_s = 0.0
+        self._is_sped_up = None if speedup != 1.0 else False
 
     def update(self, utc_s: float, boot_s: float) -> None:
         """Take the two times (s) of one SYSTEM_TIME; one that was overtaken is ignored."""
         if not self._boot_s - _REORDERING_S <= boot_s < self._boot_s:
             if boot_s < self._boot_s:
-                self._offsets_s.clear()
-            self._offsets_s.append(utc_s - boot_s)
+                self._forget()
+            self._pairs.append((boot_s, utc_s))
             self._boot_s = boot_s
+            if self._is_sped_up is None:
+                self._judge()
 
     def to_utc(self, boot_s: float) -> float | None:
-        """UTC (s) of a time since boot (s); None until a SYSTEM_TIME came since the last boot.
+        """UTC (s) of a time since boot (s), sped up where the class says so.
 
-        A boot time well before the last SYSTEM_TIME shows a reboot, and the offset is dropped.
+        None until a SYSTEM_TIME came since the last boot, and at a speed-up until some have. A
+        boot time well before the last SYSTEM_TIME shows a reboot, and the offset is dropped.
         """
-        if not self._offsets_s:
+        if not self._pairs or self._is_sped_up is None:
             return None
         if boot_s < self._boot_s - _REORDERING_S:
-            self._offsets_s.clear()
+            self._forget()
             self._boot_s = 0.0
             return None
-        return boot_s + self._offsets_s[-1]
+        last_boot_s, last_utc_s = self._pairs[-1]
+        return self._base(last_utc_s) + (boot_s - last_boot_s) * self._slope
 
     @property
     def error_s(self) -> float | None:
@@ -54,9 +74,35 @@ class BootClock:
         The greatest disagreement among the last pairs, but at least the resolution of the boot
         time. An error of the vehicle's UTC itself is not seen.
         """
-        if not self._offsets_s:
+        if not self._pairs or self._is_sped_up is None:
             return None
-        return max(_BOOT_RESOLUTION_S, max(self._offsets_s) - min(self._offsets_s))
+        slope = self._slope
+        offsets_s = [self._base(utc_s) - slope * boot_s for boot_s, utc_s in self._pairs]
+        return max(_BOOT_RESOLUTION_S, max(offsets_s) - min(offsets_s))
+
+    @property
+    def _slope(self) -> float:
+        """Seconds of the time base in a second since boot."""
+        if not self._is_sped_up:
+            return 1.0
+        (first_boot_s, first_utc_s), (last_boot_s, last_utc_s) = self._pairs[0], self._pairs[-1]
+        if last_boot_s == first_boot_s:
+            return 1.0
+        return self._speedup * (last_utc_s - first_utc_s) / (last_boot_s - first_boot_s)
+
+    def _base(self, utc_s: float) -> float:
+        return sped_up_utc_s(utc_s, self._speedup) if self._is_sped_up else utc_s
+
+    def _judge(self) -> None:
+        """Whether UTC goes at the speed of the time since boot, or at the computer's."""
+        (first_boot_s, first_utc_s), (last_boot_s, last_utc_s) = self._pairs[0], self._pairs[-1]
+        if last_boot_s - first_boot_s >= _JUDGED_AFTER_S and last_utc_s > first_utc_s:
+            rate = (last_boot_s - first_boot_s) / (last_utc_s - first_utc_s)
+            self._is_sped_up = abs(math.log(rate / self._speedup)) < abs(math.log(rate))
+
+    def _forget(self) -> None:
+        self._pairs.clear()
+        self._is_sped_up = None if self._speedup != 1.0 else False
 
 
 class RoundTrips:

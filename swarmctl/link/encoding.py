@@ -18,6 +18,7 @@ from swarmctl.link.facts import (
     AskForItem,
     AskForPlan,
     CommandLong,
+    DataStream,
     EndPlan,
     Frame,
     PlanPacket,
@@ -92,6 +93,14 @@ class Encoder:
         return self._pack(
             mavlink.MAVLink_command_long_message(
                 target, AUTOPILOT_COMPONENT, command.command, confirmation, *params
+            )
+        )
+
+    def request_data_stream(self, target: int, wanted: DataStream) -> bytes:
+        """REQUEST_DATA_STREAM of the autopilot of system ``target``."""
+        return self._pack(
+            mavlink.MAVLink_request_data_stream_message(
+                target, AUTOPILOT_COMPONENT, wanted.stream, wanted.rate_hz, 1
             )
         )
 

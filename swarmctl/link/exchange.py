@@ -17,7 +17,7 @@ from typing import Literal
 import msgspec
 
 from swarmctl.events import CommandOutcome, Heartbeat, LandedState
-from swarmctl.link.facts import CommandAck, CommandLong
+from swarmctl.link.facts import CommandAck, CommandLong, DataStream
 
 ACK_TIMEOUT_S = 1.0
 """Wait for a COMMAND_ACK before the next try."""
@@ -52,6 +52,9 @@ class Request(msgspec.Struct, frozen=True):
             None where none does.
         needs_state: Whether the ACK is not enough and the state must follow.
         optional: What to send after the steps; the vehicle may refuse any of it.
+        instead: For each step, what to send in its place where the vehicle refuses it, or answers
+            nothing, None for nothing; whether that helps shows only in what the vehicle then
+            says. Empty where a refusal ends the request.
     """
 
     name: str
@@ -59,12 +62,13 @@ class Request(msgspec.Struct, frozen=True):
     shown_by: Callable[[State], bool] | None = None
     needs_state: bool = False
     optional: tuple[CommandLong, ...] = ()
+    instead: tuple[CommandLong | DataStream | None, ...] = ()
 
 
 class Attempt(msgspec.Struct, frozen=True):
     """A packet to send: the command and how many times it was sent before."""
 
-    command: CommandLong
+    command: CommandLong | DataStream
     confirmation: int
 
 
@@ -106,6 +110,7 @@ class Exchange:
         self._acks = 0
         self._busy = 0
         self._refusal = ""
+        self._replaced = ""
         self._text = ""
         self._text_s = -math.inf
         self._heartbeat: Heartbeat | None = None
@@ -148,6 +153,12 @@ class Exchange:
         elif ack.result == "TEMPORARILY_REJECTED" and self._busy < BUSY_TRIES - 1:
             self._busy += 1
             self._wait(_Stage.READINESS, now + BUSY_RETRY_S)
+        elif self._request.instead:
+            self._replaced = (
+                self._replaced or f"{self._command.command.name} {ack.result}: replaced"
+            )
+            self._go_another_way(self._request.instead[self._step : self._step + 1])
+            self._next_step(now)
         else:
             self._refused(ack.result, now)
 
@@ -183,6 +194,8 @@ class Exchange:
             self._next_step(now)
         elif self._stage is _Stage.ACK:
             waited_s = now - self._step_began_s
+            # Whoever does not answer one step will not answer the next.
+            self._go_another_way(self._request.instead[self._step :])
             self._finish("no_answer", f"no COMMAND_ACK to {TRIES} tries in {waited_s:.1f} s", now)
         elif self._stage is _Stage.END_OF_PROGRESS:
             waited = f"IN_PROGRESS, then no word for {PROGRESS_TIMEOUT_S:.0f} s"
@@ -226,6 +239,10 @@ class Exchange:
         return self._step >= len(self._request.steps)
 
     @property
+    def _is_last(self) -> bool:
+        return self._step == len(self._request.steps) + len(self._request.optional) - 1
+
+    @property
     def _may_be_done_already(self) -> bool:
         """Whether a refusal may only mean that an earlier try, its ACK lost, was obeyed."""
         return self._tries > 1 and self._request.shown_by is not None
@@ -237,6 +254,7 @@ class Exchange:
     def _begin_next(self, now: float) -> None:
         if self._queue:
             self._request = self._queue.popleft()
+            self._replaced = ""
             self._step = 0
             self._begin_step(now)
         else:
@@ -258,17 +276,18 @@ class Exchange:
         self._late_acks[self._command.command] = (self._tries - self._acks, now + ACK_TIMEOUT_S)
 
     def _accepted(self, now: float) -> None:
-        if self._step < len(self._request.steps) + len(self._request.optional) - 1:
-            self._next_step(now)
-        elif self._request.needs_state:
+        if self._request.needs_state and self._is_last:
             self._heartbeat = None
             self._wait(_Stage.STATE, now + STATE_TIMEOUT_S)
         else:
-            self._finish("accepted", "ACCEPTED", now)
+            self._next_step(now)
+
+    def _go_another_way(self, instead: tuple[CommandLong | DataStream | None, ...]) -> None:
+        self._attempts += [Attempt(packet, 0) for packet in instead if packet is not None]
 
     def _next_step(self, now: float) -> None:
-        if self._step == len(self._request.steps) + len(self._request.optional) - 1:
-            self._finish("accepted", "ACCEPTED", now)
+        if self._is_last:
+            self._finish("accepted", self._replaced or "ACCEPTED", now)
             return
         self._end_step(now)
         self._step += 1

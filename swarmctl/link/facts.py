@@ -50,8 +50,10 @@ class MavCmd(IntEnum):
     NAV_TAKEOFF = 22
     DO_SET_MODE = 176
     COMPONENT_ARM_DISARM = 400
+    GET_HOME_POSITION = 410
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
 
 
 class MessageId(IntEnum):
@@ -256,6 +258,18 @@ class CommandLong(msgspec.Struct, frozen=True):
 
     command: MavCmd
     params: tuple[float, ...]
+
+
+class DataStream(msgspec.Struct, frozen=True):
+    """REQUEST_DATA_STREAM, the way before SET_MESSAGE_INTERVAL; nothing acknowledges it.
+
+    Attributes:
+        stream: MAV_DATA_STREAM.
+        rate_hz: Messages a second of each kind in the stream.
+    """
+
+    stream: int
+    rate_hz: int
 
 
 class Spelling(msgspec.Struct, frozen=True):

@@ -10,7 +10,7 @@ from swarmctl.link import decoding
 from swarmctl.link.backend import Backend
 from swarmctl.link.channels import SILENT_LINK_S, Channels
 from swarmctl.link.exchange import Attempt
-from swarmctl.link.facts import AUTOPILOT_COMPONENT, Address, Fault, Frame
+from swarmctl.link.facts import AUTOPILOT_COMPONENT, Address, DataStream, Fault, Frame
 from swarmctl.link.forward import Forwarder
 from swarmctl.link.framing import split
 from swarmctl.link.parameters import ReadPacket, SetPacket
@@ -37,6 +37,8 @@ class MavlinkLink(Backend[AddressedVehicle]):
         vehicles: System ids that belong to the swarm; None for any.
         signing: Signs what we send, and refuses what is not signed; None without a key.
         stations: Addresses of other ground stations that everything is passed on to.
+        speedup: Seconds of our time in a second of the computer's: what a simulator may tell for
+            UTC.
 
     Attributes:
         messages_in: Sound and believed frames received on the vehicles' side, from whomever.
@@ -49,12 +51,15 @@ class MavlinkLink(Backend[AddressedVehicle]):
         vehicles: Collection[int] | None,
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
+        speedup: float = 1.0,
     ) -> None:
         super().__init__(gcs_sysid)
         self._signing = signing
         self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
         self._channels = Channels(gcs_sysid, signing)
-        self._roster = Roster(vehicles, self._vehicles, self._channels, self.send, self._reject)
+        self._roster = Roster(
+            vehicles, self._vehicles, self._channels, self.send, self._reject, speedup
+        )
         self._datagrams: list[tuple[bytes, Address]] = []
         self._traffic: list[tuple[float, bytes]] = []
 
@@ -225,7 +230,12 @@ class MavlinkLink(Backend[AddressedVehicle]):
         encoder, sysid = vehicle.encoder, vehicle.sysid
         match packet:
             case Attempt():
-                frame = encoder.command_long(sysid, packet.command, packet.confirmation)
+                command = packet.command
+                frame = (
+                    encoder.request_data_stream(sysid, command)
+                    if isinstance(command, DataStream)
+                    else encoder.command_long(sysid, command, packet.confirmation)
+                )
             case ReadPacket():
                 frame = encoder.param_request_read(sysid, packet.name)
             case SetPacket():

@@ -27,9 +27,10 @@ from swarmctl.errors import LinkError
 from swarmctl.events import Command, GoTo, RequestVersion, UploadFence
 from swarmctl.link import mavsdk_messages as messages
 from swarmctl.link.backend import PERIOD_S, Backend
+from swarmctl.link.clock import BootClock
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.exchange import Attempt
-from swarmctl.link.facts import Fault
+from swarmctl.link.facts import CommandLong, DataStream, Fault
 from swarmctl.link.parameters import ReadPacket, SetPacket
 from swarmctl.link.vehicle import Packet, Vehicle
 
@@ -37,8 +38,8 @@ from swarmctl.link.vehicle import Packet, Vehicle
 class _Vehicle(Vehicle):
     """A vehicle and MAVSDK's way to it."""
 
-    def __init__(self, sysid: int, direct: MavlinkDirect, now: float) -> None:
-        super().__init__(sysid, now)
+    def __init__(self, sysid: int, direct: MavlinkDirect, now: float, clock: BootClock) -> None:
+        super().__init__(sysid, now, clock)
         self.direct = direct
 
 
@@ -51,10 +52,14 @@ class MavsdkLink(Backend[_Vehicle]):
     Args:
         gcs_sysid: Our own system id.
         vehicles: System ids that belong to the swarm; None for any.
+        speedup: Seconds of our time in a second of the computer's.
     """
 
-    def __init__(self, *, gcs_sysid: int, vehicles: Collection[int] | None) -> None:
+    def __init__(
+        self, *, gcs_sysid: int, vehicles: Collection[int] | None, speedup: float = 1.0
+    ) -> None:
         super().__init__(gcs_sysid)
+        self._speedup = speedup
         self._expected = None if vehicles is None else frozenset(vehicles)
         self._wake: Callable[[], object]
         self._woken = False
@@ -137,7 +142,7 @@ class MavsdkLink(Backend[_Vehicle]):
                 self._reject("unexpected_vehicle", detail, now)
                 continue
             direct = MavlinkDirect(system)
-            self._vehicles[sysid] = _Vehicle(sysid, direct, now)
+            self._vehicles[sysid] = _Vehicle(sysid, direct, now, BootClock(self._speedup))
             self._begin(now)
             for name in messages.MESSAGES:
                 direct.subscribe_message(name, lambda message, _: self._put(message))
@@ -175,8 +180,11 @@ class MavsdkLink(Backend[_Vehicle]):
     def _tell(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
         sysid = vehicle.sysid
         match packet:
-            case Attempt():
-                fields = messages.command_long(sysid, packet.command, packet.confirmation)
+            case Attempt(command=DataStream() as stream):
+                wanted = messages.request_data_stream(sysid, stream)
+                self._transmit(vehicle, "REQUEST_DATA_STREAM", wanted)
+            case Attempt(command=CommandLong() as command):
+                fields = messages.command_long(sysid, command, packet.confirmation)
                 self._transmit(vehicle, "COMMAND_LONG", fields)
             case ReadPacket():
                 asked = messages.param_request_read(sysid, packet.name)

@@ -27,6 +27,7 @@ from swarmctl.events import (
 from swarmctl.link.facts import (
     CommandAck,
     CommandLong,
+    DataStream,
     Fact,
     Fault,
     HeartbeatFact,
@@ -322,6 +323,13 @@ def command_long(target: int, command: CommandLong, confirmation: int) -> str:
         command=int(command.command),
         confirmation=confirmation,
         **{f"param{number}": param for number, param in enumerate(params, 1)},
+    )
+
+
+def request_data_stream(target: int, wanted: DataStream) -> str:
+    """REQUEST_DATA_STREAM of the autopilot of system ``target``."""
+    return _fields(
+        target, req_stream_id=wanted.stream, req_message_rate=wanted.rate_hz, start_stop=1
     )
 
 

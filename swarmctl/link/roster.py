@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection
 from swarmctl.events import RequestVersion
 from swarmctl.link import decoding
 from swarmctl.link.channels import Channels
+from swarmctl.link.clock import BootClock
 from swarmctl.link.encoding import Encoder
 from swarmctl.link.facts import Address, Frame, MessageId
 from swarmctl.link.vehicle import SILENT_S, Vehicle
@@ -20,6 +21,7 @@ class AddressedVehicle(Vehicle):
         address: Where it was heard first.
         encoder: Writes our frames to that address.
         now: Monotonic time, s.
+        clock: Its time since boot against UTC, not known yet.
 
     Attributes:
         address: Where it was last heard.
@@ -28,8 +30,10 @@ class AddressedVehicle(Vehicle):
         rival_heard_s: When it was last heard there, s.
     """
 
-    def __init__(self, sysid: int, address: Address, encoder: Encoder, now: float) -> None:
-        super().__init__(sysid, now)
+    def __init__(
+        self, sysid: int, address: Address, encoder: Encoder, now: float, clock: BootClock
+    ) -> None:
+        super().__init__(sysid, now, clock)
         self.address = address
         self.encoder = encoder
         self.rival: Address | None = None
@@ -48,6 +52,7 @@ class Roster:
         channels: The addresses.
         send: Sends a question to a vehicle.
         reject: Told of what is not believed: its kind, a sentence and the time.
+        speedup: Seconds of our time in a second of the computer's.
     """
 
     def __init__(
@@ -57,7 +62,9 @@ class Roster:
         channels: Channels,
         send: Callable[[RequestVersion, float], None],
         reject: Callable[[str, str, float], None],
+        speedup: float,
     ) -> None:
+        self._speedup = speedup
         self._expected = None if expected is None else frozenset(expected)
         self._vehicles = vehicles
         self._channels = channels
@@ -77,7 +84,8 @@ class Roster:
                 now,
             )
             return None
-        vehicle = AddressedVehicle(frame.sysid, address, self._channels.encoder(address), now)
+        encoder, clock = self._channels.encoder(address), BootClock(self._speedup)
+        vehicle = AddressedVehicle(frame.sysid, address, encoder, now, clock)
         self._vehicles[frame.sysid] = vehicle
         return vehicle
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeAlias
 
+import msgspec
+
 from swarmctl.events import (
     Heartbeat,
     HomePosition,
@@ -25,6 +27,7 @@ from swarmctl.link.clock import BootClock, RoundTrips
 from swarmctl.link.exchange import Attempt, Exchange
 from swarmctl.link.facts import (
     CommandAck,
+    DataStream,
     Fact,
     FenceFact,
     HeartbeatFact,
@@ -43,6 +46,23 @@ SILENT_S = 2.0
 
 Packet: TypeAlias = Attempt | ReadPacket | SetPacket | PlanPacket
 """What a vehicle is to be told: a command, a word of a parameter's or of a fence's transfer."""
+WHO_ARE_YOU = {MavCmd.REQUEST_MESSAGE, MavCmd.REQUEST_AUTOPILOT_CAPABILITIES}
+"""What is asked of a vehicle that is not believed to be itself."""
+
+
+def mapped(told: VehicleClock, clock: BootClock) -> VehicleClock | None:
+    """Let a clock know what its vehicle tells; returns it in the clock's time base.
+
+    Args:
+        told: The vehicle's SYSTEM_TIME.
+        clock: Its clock.
+
+    Returns:
+        None while the clock is not known yet.
+    """
+    clock.update(told.utc_s, told.boot_s)
+    utc_s = clock.to_utc(told.boot_s)
+    return None if utc_s is None else msgspec.structs.replace(told, utc_s=utc_s)
 
 
 class Vehicle:
@@ -51,6 +71,7 @@ class Vehicle:
     Args:
         sysid: Its system id.
         now: Monotonic time, s.
+        clock: Its time since boot against UTC, not known yet.
 
     Attributes:
         sysid: As above.
@@ -59,7 +80,7 @@ class Vehicle:
         home_alt_amsl_m: Altitude of its home, m; None while it is not known.
         uid: Its hardware id; 0 while it is not known.
         is_another: Whether another vehicle answers under its system id.
-        clock: Its time since boot against UTC.
+        clock: As above.
         round_trips: Its time since boot against ours.
         statistics: Its messages and losses.
         exchange: Commands under way.
@@ -67,14 +88,14 @@ class Vehicle:
         fence: Fences under way.
     """
 
-    def __init__(self, sysid: int, now: float) -> None:
+    def __init__(self, sysid: int, now: float, clock: BootClock) -> None:
         self.sysid = sysid
         self.heard_s = now
         self.personality: Personality | None = None
         self.home_alt_amsl_m: float | None = None
         self.uid = 0
         self.is_another = False
-        self.clock = BootClock()
+        self.clock = clock
         self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
         self.exchange = Exchange(sysid)
@@ -161,7 +182,7 @@ class Vehicle:
                 elif isinstance(fact, StatusText):
                     self.exchange.on_text(fact.text, now)
                 elif isinstance(fact, VehicleClock):
-                    self.clock.update(fact.utc_s, fact.boot_s)
+                    return mapped(fact, self.clock)
                 elif isinstance(fact, HomePosition):
                     self.home_alt_amsl_m = fact.alt_amsl_m
                 return fact
@@ -189,7 +210,9 @@ class Vehicle:
     def packets(self) -> Iterator[Packet]:
         """Drain what its exchanges want it to be told: another vehicle is only asked who it is."""
         for attempt in self.exchange.attempts():
-            if not self.is_another or attempt.command.command == MavCmd.REQUEST_MESSAGE:
+            command = attempt.command
+            asks = not isinstance(command, DataStream) and command.command in WHO_ARE_YOU
+            if asks or not self.is_another:
                 yield attempt
         others = (*self.parameters.packets(), *self.fence.packets())
         if not self.is_another:

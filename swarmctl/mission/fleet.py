@@ -23,6 +23,10 @@ from swarmctl.frames import LocalFrame, Vector
 
 CLOCK_WINDOW_S = 3.0
 """The vehicles' clocks are judged by the reports of this long."""
+REORDERING_S = 2.0
+"""Time since boot that goes back by more than this shows that a vehicle has booted again."""
+RATE_REPORTS = 10
+"""Their rate is told from so many of the last positions."""
 AIRBORNE_M = 3.0
 """A vehicle this far above its launch point flies; position noise alone does not lift it."""
 
@@ -36,8 +40,10 @@ class VehicleState:
         altitude_amsl_m: The altitude the mission gives it, m.
         position_enu: Latest position, m.
         launch_enu: Where it stood before take-off (its own home position), m.
+        position_boots_s: Times since boot of its latest positions, s.
         parameters: What was last told of each parameter, by its newest name.
-        clock_first: First SYSTEM_TIME heard; with the latest it tells the clocks' rates.
+        clock_first: First SYSTEM_TIME since it booted; with the latest it tells the clocks' rates.
+        clock_last: The latest.
     """
 
     sysid: int
@@ -53,6 +59,7 @@ class VehicleState:
     clock_first: VehicleClock | None = None
     clock_last: VehicleClock | None = None
     launch_enu: Vector | None = None
+    position_boots_s: deque[float] = field(default_factory=lambda: deque(maxlen=RATE_REPORTS))
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
 
     @property
@@ -82,6 +89,14 @@ class VehicleState:
         """Whether its latest position is clearly above its launch point."""
         here, home = self.position_enu, self.launch_enu
         return here is not None and home is not None and here[2] - home[2] > AIRBORNE_M
+
+    @property
+    def position_hz(self) -> float | None:
+        """How often it has reported its position lately, by its own clock, Hz; None if unknown."""
+        boots = self.position_boots_s
+        if len(boots) < RATE_REPORTS or not boots[-1] > boots[0]:
+            return None
+        return (len(boots) - 1) / (boots[-1] - boots[0])
 
     def silence_s(self, now: float) -> float:
         """Time since the older of its last heartbeat and its last position, s."""
@@ -126,6 +141,7 @@ class Fleet:
                 vehicle.position_enu = self.frame.to_enu(
                     event.lat_rad, event.lon_rad, event.alt_amsl_m
                 )
+                vehicle.position_boots_s.append(event.boot_s)
             case Heartbeat():
                 vehicle.heartbeat = event
             case VehicleStatus():
@@ -148,7 +164,8 @@ class Fleet:
                 self._observe_clock(vehicle, event)
 
     def _observe_clock(self, vehicle: VehicleState, event: VehicleClock) -> None:
-        if vehicle.clock_first is None:
+        last = vehicle.clock_last
+        if last is None or event.boot_s < last.boot_s - REORDERING_S:
             vehicle.clock_first = event
         vehicle.clock_last = event
         self._offsets.append((event.received_s, event.utc_s - event.received_s))

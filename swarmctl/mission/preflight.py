@@ -24,6 +24,8 @@ from swarmctl.mission.watch import Failure
 
 POSITION_HZ = 10.0
 """Position reports asked of every vehicle, Hz."""
+LEAST_POSITION_HZ = 2.0
+"""With fewer the positions between two reports are too uncertain, and a loss is seen too late."""
 ANSWER_TIMEOUT_S = 30.0
 """A vehicle that has not been heard this long after the start has failed."""
 CHECK_TIMEOUT_S = 60.0
@@ -45,6 +47,9 @@ CLOCK_TOLERANCE = 0.2
 def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
     """Seconds of vehicle time in one second of the controller's.
 
+    Of its two times, UTC and time since boot, the one that is further off counts: the first
+    dates its positions, the second is the time that it flies in.
+
     Args:
         vehicle: The vehicle.
         span_s: How long it must have been watched, by either clock, s; before that None.
@@ -53,10 +58,10 @@ def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | N
     if first is None or last is None:
         return None
     own = last.received_s - first.received_s
-    theirs = last.utc_s - first.utc_s
-    if max(own, theirs) < span_s or own <= 0.0:
+    theirs = (last.utc_s - first.utc_s, last.boot_s - first.boot_s)
+    if max(own, *theirs) < span_s or own <= 0.0:
         return None
-    return theirs / own
+    return max((span / own for span in theirs), key=lambda rate: abs(rate - 1.0))
 
 
 def clock_fault(vehicle: VehicleState, hiccup_s: float) -> str | None:
@@ -73,7 +78,7 @@ def clock_fault(vehicle: VehicleState, hiccup_s: float) -> str | None:
     return (
         f"the clock of vehicle {vehicle.sysid} (SYSTEM_TIME) runs {rate:.2g} times as fast as this"
         " controller's: start `swarmctl run` with the same --speedup as the simulator, and"
-        " without one for real vehicles"
+        " without one for real vehicles; a simulator that cannot keep up needs a lower one"
     )
 
 
@@ -110,6 +115,13 @@ def unmet_checks(vehicle: VehicleState, mission: Mission, *, may_fly: bool = Fal
         unmet.append("it does not report its position (GLOBAL_POSITION_INT)")
     elif vehicle.position.epoch_utc_s is None or not _is_in_step(vehicle):
         unmet.append("its clock is not known yet (SYSTEM_TIME)")
+    elif vehicle.position_hz is None or vehicle.position_hz < LEAST_POSITION_HZ:
+        told = vehicle.position_hz
+        rate = "not yet often enough to tell" if told is None else f"{told:.1f} times a second"
+        unmet.append(
+            f"it reports its position {rate}; {LEAST_POSITION_HZ:g} times a second are needed"
+            " (GLOBAL_POSITION_INT)"
+        )
     if vehicle.launch_enu is None:
         unmet.append("it has no home position (HOME_POSITION)")
     else:

@@ -91,7 +91,7 @@ async def fly(
         async with contextlib.AsyncExitStack() as stack:
             mavsdk = None
             if mission.swarm.backend == "mavsdk":
-                mavsdk = stack.enter_context(mavsdk_link(mission, forward))
+                mavsdk = stack.enter_context(mavsdk_link(mission, forward, speedup))
             station = Station(
                 mission,
                 0.0,
@@ -102,6 +102,7 @@ async def fly(
                 stations=station_addresses(forward, first=len(links)),
                 shadow=shadow,
                 backend=mavsdk,
+                speedup=speedup,
             )
             shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
             if mavsdk is not None:
@@ -125,12 +126,13 @@ async def fly(
         return recording.summary(station, loop.time() - began)
 
 
-def mavsdk_link(mission: Mission, forward: Sequence[str]) -> MavsdkLink:
+def mavsdk_link(mission: Mission, forward: Sequence[str], speedup: float) -> MavsdkLink:
     """The vehicles' link on MAVSDK.
 
     Args:
         mission: A mission that wants it.
         forward: Other ground stations that MAVLink is to be passed on to.
+        speedup: Seconds of mission time per second.
 
     Raises:
         UsageError: If MAVSDK is not installed, or cannot do what else is wanted.
@@ -156,7 +158,9 @@ def mavsdk_link(mission: Mission, forward: Sequence[str]) -> MavsdkLink:
             f"swarm.backend is mavsdk, but MAVSDK 4 cannot be loaded ({error}): install"
             " swarmctl[mavsdk], or fly with swarm.backend: native."
         ) from error
-    return MavsdkLink(gcs_sysid=mission.swarm.gcs_sysid, vehicles=mission.swarm.sysids)
+    return MavsdkLink(
+        gcs_sysid=mission.swarm.gcs_sysid, vehicles=mission.swarm.sysids, speedup=speedup
+    )
 
 
 def station_addresses(forward: Sequence[str], first: int) -> list[Address]:

@@ -15,6 +15,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from sim.config import (
+    ClockConfig,
     EmitterConfig,
     NavigationConfig,
     ReceiverConfig,
@@ -27,6 +28,7 @@ from sim.serve import serve, serve_receivers
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
+from swarmctl.frames import sped_up_utc_s
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
 from swarmctl.mission.model import Mission, Simulation
 from swarmctl.ops.signing import signing_key
@@ -44,13 +46,17 @@ SPEED_PARAMETERS = {
 """What the owner of the simulated vehicles has set: as fast as their airframe can."""
 
 
-def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimConfig:
+def sim_config(
+    mission: Mission, seed: int | None, utc_start_s: float, speedup: float = 1.0
+) -> SimConfig:
     """Configuration of a mission's simulation.
 
     Args:
         mission: A mission with a ``sim`` section.
         seed: Overrides the section's seed.
         utc_start_s: UTC at simulation time 0, s.
+        speedup: Simulated seconds per second: as in SITL, UTC follows it on an ArduCopter, and
+            not on a PX4.
 
     Raises:
         UsageError: If the mission has no ``sim`` section, or its signing key cannot be read.
@@ -58,6 +64,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
     key = signing_key(mission)
     other_key = hashlib.sha256(b"another than" + (key or b"")).digest()
     section = simulation_section(mission)
+    clock = ClockConfig(speedup=speedup if section.autopilot == "px4" else 1.0)
     faults = {fault.sysid: fault for fault in section.faults}
     vehicles = []
     for i, sysid in enumerate(mission.swarm.sysids):
@@ -74,6 +81,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
                 parameters=SPEED_PARAMETERS[section.autopilot],
                 signing_key=other_key if kind == "other_key" else key,
                 full_boot=section.full_boot,
+                clock=clock,
                 boot_delay_s=0.1 * i,
                 silent=kind == "silent",
                 refuses_arming=kind == "refuses_arming",
@@ -116,7 +124,7 @@ def sim_config(mission: Mission, seed: int | None, utc_start_s: float) -> SimCon
             gust_sigma_mps=wind.gust_sigma_mps,
         ),
         seed=section.seed if seed is None else seed,
-        utc_start_s=utc_start_s,
+        utc_start_s=sped_up_utc_s(utc_start_s, clock.speedup),
     )
 
 
@@ -164,7 +172,7 @@ async def serve_mission(
     Raises:
         SwarmError: If a port is in use or the broker cannot be reached.
     """
-    config = sim_config(mission, seed, utc_start_s)
+    config = sim_config(mission, seed, utc_start_s, speedup)
     async with _broker(mission, broker) as (address, credentials):
         await serve(
             config,
@@ -182,6 +190,7 @@ async def serve_receivers_of(
     *,
     listen: str,
     seed: int | None,
+    speedup: float,
     broker: str | None,
     ready: Callable[[], None],
     stop: asyncio.Event,
@@ -192,6 +201,7 @@ async def serve_receivers_of(
         mission: A mission with a ``sim`` section.
         listen: Where their MAVLink is heard, ``udpin://host:port``.
         seed: Overrides the section's seed.
+        speedup: Simulated seconds per second, for vehicles whose UTC does not follow it.
         broker: URL of an outside broker; None starts the embedded one at ``feed.broker``.
         ready: Called once everything is served.
         stop: Ends the simulation.
@@ -212,6 +222,7 @@ async def serve_receivers_of(
             here=(url.host, url.port),
             broker=address,
             credentials=credentials,
+            speedup=speedup,
             ready=ready,
             stop=stop,
         )

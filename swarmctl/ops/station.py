@@ -74,6 +74,7 @@ class Station:
         stations: Addresses of other ground stations that MAVLink is passed on to.
         backend: Reaches the vehicles instead of MAVLink of the station's own, and moves its bytes
             by itself.
+        speedup: The station's seconds in one of the computer's, for the vehicles' clocks.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
@@ -91,12 +92,17 @@ class Station:
         signing: Signing | None = None,
         stations: Sequence[Address] = (),
         backend: Backend[Any] | None = None,
+        speedup: float = 1.0,
     ) -> None:
         sysids = mission.swarm.sysids
         self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
         self._shadow = shadow
         self._mavlink = MavlinkLink(
-            gcs_sysid=mission.swarm.gcs_sysid, vehicles=sysids, signing=signing, stations=stations
+            gcs_sysid=mission.swarm.gcs_sysid,
+            vehicles=sysids,
+            signing=signing,
+            stations=stations,
+            speedup=speedup,
         )
         self.link: Backend[Any] = backend or self._mavlink
         self.intake = FeedIntake(mission.swarm.name, sysids)

@@ -243,7 +243,6 @@ def test_a_broker_port_in_use_is_named(short_mission: Short, tmp_path: Path) -> 
     ("arguments", "says"),
     [
         (("--listen", "udpin://127.0.0.1:1"), "--listen goes with --receivers-only"),
-        (("--receivers-only", "--speedup", "5"), "leave --speedup out"),
         (("--receivers-only", "--listen", "14600"), "'14600' is no MAVLink link"),
         (("--receivers-only", "--listen", "tcp://127.0.0.1:1"), "it should be udpin://host:port"),
     ],

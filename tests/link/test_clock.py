@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from swarmctl.frames import sped_up_utc_s
 from swarmctl.link.clock import BootClock, RoundTrips
 
 UTC_S = 1_790_000_000.0
@@ -58,6 +62,68 @@ def test_a_reboot_seen_in_a_system_time_takes_the_new_offset() -> None:
     clock.update(UTC_S, 100.0)
     clock.update(UTC_S + 30.0, 15.0)
     assert clock.to_utc(16.0) == UTC_S + 31.0
+
+
+# --- Simulators with a speed-up ----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Lockstep:
+    """PX4's SITL: UTC is the computer's; the time since boot goes as fast as the simulator can."""
+
+    started_s: float
+    rate: float
+
+    def boot_s(self, wall_s: float) -> float:
+        return math.floor((wall_s - self.started_s) * self.rate * 1e3) / 1e3
+
+
+def told_until(wall_s: float, vehicle: Lockstep, speedup: float) -> BootClock:
+    """The clock that has heard the vehicle once a second of its own."""
+    clock = BootClock(speedup)
+    for k in range(math.floor((wall_s - vehicle.started_s) * vehicle.rate)):
+        at_s = vehicle.started_s + k / vehicle.rate
+        clock.update(UTC_S + at_s, vehicle.boot_s(at_s))
+    return clock
+
+
+def test_at_a_speed_up_vehicles_that_tell_the_computers_utc_share_one_time() -> None:
+    """Started one after the other, none exactly as fast as asked for, one long after the rest."""
+    speedup = 5.0
+    swarm = [Lockstep(0.0, 5.0), Lockstep(1.3, 4.8), Lockstep(2.9, 4.6), Lockstep(40.0, 5.1)]
+    for wall_s in (60.0, 60.37, 61.1):
+        clocks = [told_until(wall_s, vehicle, speedup) for vehicle in swarm]
+        epochs = [
+            clock.to_utc(vehicle.boot_s(wall_s))
+            for clock, vehicle in zip(clocks, swarm, strict=True)
+        ]
+        # Times since boot are cut to the millisecond, the slope's two ends and the time itself.
+        assert epochs == pytest.approx([sped_up_utc_s(UTC_S + wall_s, speedup)] * 4, abs=3e-3)
+        assert all(clock.error_s is not None and clock.error_s < 3e-3 for clock in clocks)
+
+
+def test_at_a_speed_up_utc_that_follows_it_is_taken_as_it_is() -> None:
+    clock = BootClock(5.0)
+    for k in range(4):
+        clock.update(UTC_S + k, 100.0 + k)
+    assert clock.to_utc(103.5) == pytest.approx(UTC_S + 3.5, abs=1e-6)
+
+
+def test_at_a_speed_up_nothing_is_known_before_the_rate_shows_also_after_a_reboot() -> None:
+    clock, vehicle = BootClock(5.0), Lockstep(0.0, 5.0)
+    for k in range(2):
+        clock.update(UTC_S + k / 5.0, vehicle.boot_s(k / 5.0))
+        assert clock.to_utc(float(k)) is None
+        assert clock.error_s is None
+    clock.update(UTC_S + 0.4, 2.0)
+    assert clock.to_utc(2.0) == pytest.approx(sped_up_utc_s(UTC_S + 0.4, 5.0), abs=1e-6)
+    for k in range(20, 30):
+        clock.update(UTC_S + k / 5.0, float(k))
+    # It boots again, now as a vehicle whose UTC follows.
+    clock.update(UTC_S + 50.0, 1.0)
+    assert clock.to_utc(1.0) is None
+    clock.update(UTC_S + 52.0, 3.0)
+    assert clock.to_utc(3.0) == UTC_S + 52.0
 
 
 # --- Uncertainty -----------------------------------------------------------------------

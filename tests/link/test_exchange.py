@@ -8,7 +8,7 @@ import pytest
 
 from swarmctl.events import CommandOutcome
 from swarmctl.link.exchange import Attempt, Request
-from swarmctl.link.facts import CommandLong, MavCmd
+from swarmctl.link.facts import CommandLong, DataStream, MavCmd
 from tests.link.exchange_bench import (
     ARM,
     ASK,
@@ -165,6 +165,34 @@ def test_a_refused_step_ends_the_request_and_is_named(bench: Bench) -> None:
     assert len(bench.sent) == 2
 
 
+POSITION, STATUS = DataStream(6, 10), DataStream(2, 1)
+
+
+def test_a_refused_step_that_has_another_way_goes_it_and_the_others_are_asked_for_still(
+    bench: Bench,
+) -> None:
+    bench.submit(Request("StreamTelemetry", INTERVALS, instead=(POSITION, None, STATUS)))
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL, "UNSUPPORTED")
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL, "DENIED")
+    bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
+    assert [attempt.command for _, attempt in bench.sent] == [
+        INTERVALS[0],
+        POSITION,
+        *INTERVALS[1:],
+    ]
+    assert bench.results == [("StreamTelemetry", "accepted")]
+    assert bench.outcomes[0].detail == "SET_MESSAGE_INTERVAL UNSUPPORTED: replaced"
+
+
+def test_steps_that_are_not_answered_all_go_the_other_way_at_once(bench: Bench) -> None:
+    bench.submit(Request("StreamTelemetry", INTERVALS, instead=(POSITION, None, STATUS)))
+    bench.wait(60.0)
+    asked = [attempt.command for _, attempt in bench.sent]
+    assert asked == [INTERVALS[0]] * 8 + [POSITION, STATUS]
+    assert bench.results == [("StreamTelemetry", "no_answer")]
+    assert bench.outcomes[0].received_s == 108.0
+
+
 # --- Late and repeated answers ---------------------------------------------------------
 
 
@@ -255,7 +283,8 @@ def test_the_last_wish_counts_when_another_of_its_kind_came_between(bench: Bench
     bench.submit(guided, land, guided)
     for _ in range(3):
         bench.ack(MavCmd.DO_SET_MODE)
-    assert [attempt.command.params[1] for _, attempt in bench.sent] == [4.0, 9.0, 4.0]
+    modes = [request.steps[0] for request in (guided, land, guided)]
+    assert [attempt.command for _, attempt in bench.sent] == modes
 
 
 # --- Vehicles that are not ready yet ---------------------------------------------------

@@ -84,6 +84,7 @@ class FakeVehicle:
     battery: float = 0.9
     prearm_ok: bool = True
     clock_rate: float = 1.0
+    position_every: int = 1
     uid: int = 0
     autopilot: Literal["ardupilot", "px4", "other"] = "ardupilot"
     by_stream: bool = False
@@ -221,6 +222,8 @@ class FakeFleet:
                     battery_fraction=vehicle.battery,
                     prearm_ok=vehicle.prearm_ok,
                 )
+            if round(now / PERIOD_S) % vehicle.position_every:
+                continue
             lat, lon, alt = self.frame.to_geodetic(*vehicle.position)
             yield VehiclePosition(
                 received_s=now,

@@ -120,6 +120,7 @@ def test_a_vehicle_that_refuses_to_arm_brings_the_airborne_home_first(mission: M
         ("ignores", frozenset({"RequestVersion"}), "it has not told its hardware id"),
         ("ignores", frozenset({"RequestHome"}), "it has no home position"),
         ("ignores", frozenset({"StreamTelemetry"}), "it does not report its position"),
+        ("position_every", 6, "it reports its position 1.7 times a second; 2 times a second are"),
         ("armed", True, "vehicle 2: it is armed already; land and disarm it first"),
         ("uid", 1, "vehicles 1 and 2 have one hardware id"),
         ("home", (3.0, 0.0, 0.0), "vehicles 1 and 2 stand 3.0 m apart, less than"),

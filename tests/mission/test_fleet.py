@@ -1,5 +1,6 @@
 """What is known of the vehicles, and the time."""
 
+import msgspec
 import pytest
 
 from swarmctl.events import Heartbeat, HomePosition, Mode, VehicleClock, VehiclePosition
@@ -15,6 +16,17 @@ def fleet() -> Fleet:
 
 def clock(received_s: float, utc_s: float) -> VehicleClock:
     return VehicleClock(received_s=received_s, sysid=1, utc_s=utc_s, boot_s=0.0)
+
+
+def test_a_vehicle_that_boots_again_has_its_clock_watched_from_there_on() -> None:
+    known = fleet()
+    for received, boot in ((10.0, 50.0), (11.0, 51.0), (12.0, 50.5), (20.0, 3.0), (21.0, 4.0)):
+        known.observe(
+            VehicleClock(received_s=received, sysid=1, utc_s=1000.0 + received, boot_s=boot)
+        )
+        first = known.vehicles[1].clock_first
+        assert first is not None
+        assert first.received_s == (10.0 if received < 20.0 else 20.0)
 
 
 def position(received_s: float, epoch: float | None, up: float = 40.0) -> VehiclePosition:
@@ -41,6 +53,17 @@ def heartbeat(received_s: float, *, mode: Mode = Mode.GUIDED, armed: bool = True
         mode_name=mode.upper(),
         armed=armed,
     )
+
+
+def test_the_rate_of_the_positions_is_told_by_the_vehicles_clock_since_it_booted() -> None:
+    known = fleet()
+    assert known.vehicles[1].position_hz is None
+    for boots, rate_hz in ((range(100, 200), 4.0), (range(40), 10.0)):
+        for n in boots:
+            # They come in a bunch.
+            report = position(0.0, None)
+            known.observe(msgspec.structs.replace(report, boot_s=n / rate_hz))
+        assert known.vehicles[1].position_hz == pytest.approx(rate_hz)
 
 
 def test_the_least_delayed_clock_report_tells_the_time() -> None:

@@ -1,15 +1,20 @@
 """The station, without sockets: what goes where."""
 
 import json
+from dataclasses import replace
 
 import msgspec
 import pytest
 
+from sim.config import VehicleConfig
+from sim.world import World
 from swarmctl.events import EmitterTruth, LinkConnection, ReceiverTruth, Record
 from swarmctl.feed.schema import RangeDifferenceMessage, ReceiverTruthMessage, TruthMessage
 from swarmctl.link.facts import Address
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.phases import Phase
+from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
 from tests.missions import short_mission_text
 
@@ -50,6 +55,7 @@ RECEIVERS_TRUTH = msgspec.json.encode(
         for receiver in (1, 2)
     ]
 )
+UTC_S = 1_790_000_000.0
 
 
 def station(tape: Tape | None = None) -> Station:
@@ -140,3 +146,41 @@ def test_a_link_that_calls_is_called_while_it_is_connected_and_its_loss_is_told(
     assert told[-2:] == [f"the link {url} is lost; reconnecting", f"the link {url} is back"]
     events = [record for record, _ in tape.records if isinstance(record, LinkConnection)]
     assert [event.connected for event in events] == [False, True]
+
+
+def checked(world: World, station: Station) -> Station:
+    """The station after its checks of the vehicles have ended, one way or the other."""
+    steps = 0
+    while station.controller.phase in {Phase.WAITING, Phase.CHECKING}:
+        steps += 1
+        now = 0.02 * steps
+        assert now < 120.0
+        world.advance(now)
+        for sysid, data in world.datagrams():
+            station.datagram(data, Address("memory", sysid), now)
+        station.wake(now)
+        for data, address in station.datagrams():
+            world.receive_datagram(address.port, data)
+    return station
+
+
+@pytest.mark.parametrize(
+    "autopilot", [{"knows_intervals": True}, {"knows_intervals": False, "parameter_names": "4.6"}]
+)
+def test_firmware_that_knows_data_streams_alone_passes_the_checks_too(
+    autopilot: dict[str, object],
+) -> None:
+    config = sim_config(parse_mission(short_mission_text()), 1, UTC_S)
+    old: tuple[VehicleConfig, ...] = tuple(
+        replace(vehicle, **autopilot)  # type: ignore[arg-type]
+        for vehicle in config.vehicles
+    )
+    text = short_mission_text(swarm__set_failsafes=True)
+    ground = checked(
+        World(replace(config, vehicles=old)), Station(parse_mission(text), 0.0, UTC_S, None)
+    )
+    assert ground.controller.phase is Phase.LAUNCHING, ground.controller.result
+    for vehicle in ground.controller.fleet.vehicles.values():
+        # One of nine intervals may be twice as long: they begin anew when they are set.
+        assert vehicle.position_hz is not None
+        assert 8.9 < vehicle.position_hz < 10.2

@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.config import ClockConfig
+from swarmctl.frames import sped_up_utc_s
 from tests.sim.flying import Station, of_type, simulation, vehicle
 
 
@@ -36,3 +37,12 @@ def test_the_reports_of_utc_jitter_independently() -> None:
     # Of 400 independent errors: mean and deviation within 4.5 of their own standard deviations.
     assert statistics.fmean(errors) == pytest.approx(0.0, abs=4.5 * sigma / math.sqrt(400))
     assert statistics.stdev(errors) == pytest.approx(sigma, rel=4.5 / math.sqrt(800))
+
+
+def test_at_a_speed_up_the_computers_utc_is_told() -> None:
+    times = system_times(ClockConfig(speedup=5.0))
+    sped_up = [sped_up_utc_s(utc, 5.0) for _, utc, _ in times]
+    # UTC is told to the microsecond.
+    assert sped_up == pytest.approx([true for true, _, _ in times], abs=5e-6)
+    assert times[-1][1] - times[0][1] == pytest.approx(399.0 / 5.0, abs=1e-5)
+    assert times[-1][2] - times[0][2] == pytest.approx(399.0, abs=1e-2)

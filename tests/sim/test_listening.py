@@ -12,7 +12,7 @@ import pytest
 from sim.config import EmitterConfig, ReceiverConfig, SimConfig
 from sim.listening import REACH_S, Listening
 from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
-from swarmctl.frames import LocalFrame
+from swarmctl.frames import LocalFrame, sped_up_utc_s
 from tests.link.wire import Sender
 from tests.sim.flying import (
     ALT,
@@ -46,15 +46,25 @@ def place(sysid: int, since_s: float) -> tuple[float, float, float]:
 class Autopilot:
     """Says where it is, by a clock of its own."""
 
-    def __init__(self, sysid: int, boot_s: float = 0.0, utc_error_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        sysid: int,
+        boot_s: float = 0.0,
+        utc_error_s: float = 0.0,
+        speedup: float = 1.0,
+        pace: float = 1.0,
+    ) -> None:
         self._sysid, self._boot_s, self._utc_error_s = sysid, boot_s, utc_error_s
+        self._speedup, self._pace = speedup, pace
         self._sender = Sender(sysid)
 
     def time(self, since_s: float) -> bytes:
         return self._sender.pack(
             "SYSTEM_TIME",
-            time_unix_usec=round((UTC + since_s + self._utc_error_s) * 1e6),
-            time_boot_ms=round((since_s + self._boot_s) * 1e3),
+            time_unix_usec=round(
+                sped_up_utc_s(UTC + since_s + self._utc_error_s, 1.0 / self._speedup) * 1e6
+            ),
+            time_boot_ms=round((since_s * self._pace + self._boot_s) * 1e3),
         )
 
     def position(self, since_s: float, height_m: float = 30.0) -> bytes:
@@ -62,7 +72,7 @@ class Autopilot:
         vx, vy, vz = SPEEDS[self._sysid]
         return self._sender.pack(
             "GLOBAL_POSITION_INT",
-            time_boot_ms=round((since_s + self._boot_s) * 1e3),
+            time_boot_ms=round((since_s * self._pace + self._boot_s) * 1e3),
             lat=round(math.degrees(lat) * 1e7),
             lon=round(math.degrees(lon) * 1e7),
             alt=round(alt * 1e3),
@@ -82,7 +92,7 @@ def heard(
     """What is published while every vehicle reports at 4 Hz, each at its own instants."""
     said = []
     for i, pilot in enumerate(swarm):
-        said.append((0.0, pilot.time(0.0)))
+        said += [(float(k), pilot.time(float(k))) for k in range(int(until_s))]
         for k in range(int(until_s * 4)):
             at_s = k / 4 + 0.03 * i
             said.append((at_s, pilot.position(at_s, height_m)))
@@ -111,12 +121,20 @@ def emitter_at(since_s: float, published: list[TruthMessage]) -> tuple[float, fl
     return x, y, z
 
 
-def test_measured_is_where_the_vehicles_say_they_were_at_the_epoch() -> None:
-    published = heard(Listening(config()), 20.0)
+@pytest.mark.parametrize("speedup", [1.0, 5.0])
+def test_measured_is_where_the_vehicles_say_they_were_at_the_epoch(speedup: float) -> None:
+    """At a speed-up that their UTC does not follow, also if none is simulated exactly so fast."""
+    swarm = [
+        Autopilot(sysid, 100.0 * sysid, speedup=speedup, pace=pace if speedup > 1.0 else 1.0)
+        for sysid, pace in zip(SPEEDS, (1.0, 0.95, 1.02), strict=True)
+    ]
+    listening = Listening(config(), speedup)
+    published = heard(listening, 20.0, swarm)
+    assert listening.complaints() == []
     found, truth = differences(published), truths(published)
     epochs = sorted({m.epoch_utc_s - UTC for m in found})
-    # 20 s at 10 Hz, but for those that begin and end it.
-    assert len(epochs) >= 195
+    # 20 s at 10 Hz, but for those that begin and end it; a speed-up shows after 2 s.
+    assert len(epochs) >= (195 if speedup == 1.0 else 174)
     assert [b - a for a, b in itertools.pairwise(epochs)] == pytest.approx(
         [0.1] * (len(epochs) - 1), abs=1e-6
     )
@@ -136,7 +154,7 @@ def test_measured_is_where_the_vehicles_say_they_were_at_the_epoch() -> None:
     for axis in (0, 1):
         span_s = truth[-1].epoch_utc_s - truth[0].epoch_utc_s
         assert moved[1][axis] - moved[0][axis] == pytest.approx(DRIFT[axis] * span_s, abs=1e-3)
-    assert len(truth) == pytest.approx(40, abs=1)
+    assert len(truth) == pytest.approx(40 if speedup == 1.0 else 36, abs=1)
 
 
 def test_arrival_times_are_published_where_the_mission_wants_them() -> None:
@@ -194,6 +212,22 @@ def test_a_clock_too_far_behind_is_named_once_and_its_receiver_is_left_out() -> 
     (complaint,) = listening.complaints()
     assert complaint.startswith("The clock of UAV 2 (SYSTEM_TIME) is 9.0 s behind")
     assert listening.complaints() == []
+
+
+def test_vehicles_that_outrun_the_utc_they_tell_are_named_once_where_the_speed_up_is_not() -> None:
+    listening = Listening(config())
+    heard(listening, 20.0, [*SWARM[:2], Autopilot(3, speedup=5.0)])
+    complaints = [c for c in listening.complaints() if "--speedup" in c]
+    assert len(complaints) == 1
+    assert complaints[0].startswith("UAV 3 is simulated 5 times as fast as the UTC that it tells")
+
+
+def test_a_step_of_utc_is_no_speed_up() -> None:
+    listening = Listening(config())
+    heard(listening, 20.0)
+    for k in range(20, 30):
+        listening.receive(Autopilot(1, boot_s=100.0, utc_error_s=18.0).time(float(k)))
+    assert not [c for c in listening.complaints() if "--speedup" in c]
 
 
 def test_reports_in_any_order_measure_the_same() -> None:

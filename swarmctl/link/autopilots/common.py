@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from swarmctl.events import (
@@ -15,7 +16,10 @@ from swarmctl.events import (
     StreamTelemetry,
 )
 from swarmctl.link.exchange import Request, State
-from swarmctl.link.facts import CommandLong, MavCmd, MessageId
+from swarmctl.link.facts import CommandLong, DataStream, MavCmd, MessageId
+
+_EXTENDED_STATUS, _POSITION, _EXTRA1, _EXTRA3 = 2, 6, 10, 12
+"""MAV_DATA_STREAMs."""
 
 CUSTOM_MODE_ENABLED = 1.0
 """MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
@@ -23,6 +27,9 @@ CUSTOM_MODE_ENABLED = 1.0
 
 def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request | None:
     """How to ask for a command that is the same everywhere; None if it is not.
+
+    Each has another way, older than the first, for a vehicle that does not take it. What it
+    streams then is what counts, however it came to.
 
     Args:
         command: The command.
@@ -39,11 +46,19 @@ def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request |
             return Request(name, (step,), _shows_armed(False), needs_state=True)
         case StreamTelemetry():
             slowed = tuple(_interval(message, 1.0) for message in reduced)
-            return Request(name, _streams(command.position_hz), optional=slowed)
+            wanted = _wanted(command.position_hz)
+            steps = tuple(_interval(message, rate_hz) for message, rate_hz, _ in wanted)
+            streams = tuple(
+                None if stream is None else DataStream(stream, math.ceil(rate_hz))
+                for _, rate_hz, stream in wanted
+            )
+            return Request(name, steps, optional=slowed, instead=streams)
         case RequestHome():
-            return Request(name, (_ask_for(MessageId.HOME_POSITION),))
+            home = CommandLong(MavCmd.GET_HOME_POSITION, ())
+            return Request(name, (_ask_for(MessageId.HOME_POSITION),), instead=(home,))
         case RequestVersion():
-            return Request(name, (_ask_for(MessageId.AUTOPILOT_VERSION),))
+            version = CommandLong(MavCmd.REQUEST_AUTOPILOT_CAPABILITIES, (1.0,))
+            return Request(name, (_ask_for(MessageId.AUTOPILOT_VERSION),), instead=(version,))
         case _:
             return None
 
@@ -67,16 +82,20 @@ def _shows_armed(armed: bool) -> Callable[[State], bool]:
     return lambda state: isinstance(state, Heartbeat) and state.armed is armed
 
 
-def _streams(position_hz: float) -> tuple[CommandLong, ...]:
-    """What the controller needs, the most needed first."""
+def _wanted(position_hz: float) -> tuple[tuple[MessageId, float, int | None], ...]:
+    """What the controller needs, the most needed first: each with its rate, Hz, and its stream.
+
+    The streams are those of ArduPilot; its home and its landed state are in none: the first is
+    asked for, and a flight can do without the second.
+    """
     return (
-        _interval(MessageId.GLOBAL_POSITION_INT, position_hz),
-        _interval(MessageId.SYSTEM_TIME, 1.0),
-        _interval(MessageId.HOME_POSITION, 0.2),
-        _interval(MessageId.SYS_STATUS, 1.0),
-        _interval(MessageId.GPS_RAW_INT, 1.0),
-        _interval(MessageId.EXTENDED_SYS_STATE, 2.0),
-        _interval(MessageId.ATTITUDE, 2.0),
+        (MessageId.GLOBAL_POSITION_INT, position_hz, _POSITION),
+        (MessageId.SYSTEM_TIME, 1.0, _EXTRA3),
+        (MessageId.HOME_POSITION, 0.2, None),
+        (MessageId.SYS_STATUS, 1.0, _EXTENDED_STATUS),
+        (MessageId.GPS_RAW_INT, 1.0, _EXTENDED_STATUS),
+        (MessageId.EXTENDED_SYS_STATE, 2.0, None),
+        (MessageId.ATTITUDE, 2.0, _EXTRA1),
     )
 
 
