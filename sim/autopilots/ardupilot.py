@@ -23,6 +23,7 @@ from sim.guidance import (
     Hold,
     ReturnClimb,
     TakeOff,
+    Task,
     sink,
 )
 from sim.manners import Manners, Timeline
@@ -32,6 +33,7 @@ from sim.navigation import PositionError
 from sim.onboard import CAPACITY_MAH, Onboard
 from sim.parameters import Parameters
 from sim.plans import TransferManners
+from sim.route import FlyLegs, Pace
 from swarmctl.frames import LocalFrame, Vector
 
 SINK_MPS = 2.5
@@ -70,6 +72,7 @@ def _homing(parameters: Parameters) -> ReturnClimb:
 
 STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, _sink)
 ALT_HOLD = FlightMode(2, "ALT_HOLD", True, _ALWAYS, _sink)
+AUTO = FlightMode(3, "AUTO", False, _BY_ITSELF, _hold)
 GUIDED = FlightMode(4, "GUIDED", True, _BY_ITSELF, _hold)
 LOITER = FlightMode(5, "LOITER", True, _ALWAYS, _sink)
 RTL = FlightMode(6, "RTL", False, _BY_ITSELF, _homing)
@@ -78,7 +81,8 @@ POSHOLD = FlightMode(16, "POSHOLD", True, _ALWAYS, _sink)
 BRAKE = FlightMode(17, "BRAKE", False, _ALWAYS, _hold)
 
 MODES = {
-    mode.number: mode for mode in (STABILIZE, ALT_HOLD, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
+    mode.number: mode
+    for mode in (STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
 }
 """By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
 
@@ -94,6 +98,7 @@ RESTRAINED = (FlyVelocity, FlyAcceleration)
 _STREAM_GROUPS = {
     dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
     dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
         dialect.MAVLINK_MSG_ID_SYS_STATUS,
         dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
     ),
@@ -220,7 +225,7 @@ class ArduPilot(Autopilot):
         me = self._me
         lost = me.armed and not me.gps_ok
         self._gps_lost_since_s = _since(self._gps_lost_since_s, lost, me.now_s)
-        needs_position = me.mode in {GUIDED, LOITER, RTL, POSHOLD, BRAKE}
+        needs_position = me.mode in {AUTO, GUIDED, LOITER, RTL, POSHOLD, BRAKE}
         if needs_position and _for(self._gps_lost_since_s, me.now_s, GPS_LOSS_S):
             self._fail(LAND, "EKF Failsafe: changed to LAND Mode")
 
@@ -301,6 +306,8 @@ class ArduPilot(Autopilot):
         me, watch = self._me, self._fence_watch
         if mode is me.mode:
             return ACCEPTED
+        if mode is AUTO and not self._may_enter_auto():
+            return FAILED
         if (
             watch.recovering
             and int(me.parameters["FENCE_OPTIONS"]) & ardupilot_fence.NO_MODE_CHANGE
@@ -315,6 +322,38 @@ class ArduPilot(Autopilot):
         if me.parameters["FENCE_ACTION"] != 0.0 and watch.mode_changed(me.now_s):
             self._say("Manual recovery started", dialect.MAV_SEVERITY_INFO)
         return ACCEPTED
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _may_enter_auto(self) -> bool:
+        me, legs = self._me, self._mission().legs
+        if legs and me.armed and me.landed and legs[0].kind != "take_off":
+            self._say("Auto: Missing Takeoff Cmd")
+        elif legs:
+            return True
+        self._say("Mode change to AUTO failed: init failed", dialect.MAV_SEVERITY_WARNING)
+        return False
+
+    def _task_of(self, mode: FlightMode) -> Task:
+        # On the ground it waits for MISSION_START, or for a throttle that it has not.
+        return super()._task_of(mode) if mode is not AUTO or self._me.landed else self._mission()
+
+    def _start_mission(self) -> int:
+        me = self._me
+        result = self._enter(AUTO) if me.armed else FAILED
+        if result == ACCEPTED and not isinstance(me.task, FlyLegs):
+            me.task = self._mission()
+        return result
+
+    def _pace(self) -> Pace:
+        parameters = self._me.parameters
+        return Pace(
+            climb_mps=0.01 * parameters["WPNAV_SPEED_UP"],
+            spool_up_s=SPOOL_UP_S,
+            radius_m=0.01 * parameters["WPNAV_RADIUS"],
+            landing=_landing(parameters),
+            homing=_homing(parameters),
+        )
 
     # --- Arming and take-off -----------------------------------------------------------
 
@@ -331,12 +370,13 @@ class ArduPilot(Autopilot):
         return None
 
     def _idle_limit_s(self) -> float:
-        task = self._me.task
+        task = self._me.doing
         landing = isinstance(task, Descend) and task.landing
         return 0.0 if landing else self._me.parameters["DISARM_DELAY"]
 
     def _may_lift(self) -> bool:
-        return isinstance(self._me.task, TakeOff)
+        task = self._me.task
+        return isinstance(self._me.doing, TakeOff) or (isinstance(task, FlyLegs) and task.lifts)
 
     def _do_take_off(self, request: Request) -> int:
         me = self._me

@@ -22,6 +22,7 @@ from sim.navigation import PositionError
 from sim.onboard import Onboard
 from sim.parameters import Parameters
 from sim.plans import TransferManners
+from sim.route import FlyLegs, Pace
 from swarmctl.frames import LocalFrame
 
 OFFBOARD_ENTRY_S = 0.5
@@ -88,11 +89,14 @@ ALTCTL = _mode("ALTCTL", 2, 0, _sink, base_mode=_STICKS)
 POSCTL = _mode("POSCTL", 3, 0, _sink, base_mode=_STICKS)
 TAKEOFF = _mode("AUTO_TAKEOFF", 4, 2, _hold)
 LOITER = _mode("AUTO_LOITER", 4, 3, _hold)
+MISSION = _mode("AUTO_MISSION", 4, 4, _hold)
 RTL = _mode("AUTO_RTL", 4, 5, _homing, can_arm=False)
 LAND = _mode("AUTO_LAND", 4, 6, _landing, can_arm=False)
 OFFBOARD = _mode("OFFBOARD", 6, 0, _hold, base_mode=_ALWAYS)
 
-MODES = {mode.number: mode for mode in (ALTCTL, POSCTL, TAKEOFF, LOITER, RTL, LAND, OFFBOARD)}
+MODES = {
+    mode.number: mode for mode in (ALTCTL, POSCTL, TAKEOFF, LOITER, MISSION, RTL, LAND, OFFBOARD)
+}
 """By ``custom_mode``: main mode in the third byte, sub-mode in the fourth."""
 
 OFFBOARD_LOSS_ACTIONS = {0: POSCTL, 1: POSCTL, 2: POSCTL, 3: RTL, 4: LAND, 5: LOITER}
@@ -134,6 +138,7 @@ MANNERS = Manners(
         dialect.MAVLINK_MSG_ID_SYS_STATUS: 1.0 / 5.0,
         dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0 / 5.0,
         dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
         dialect.MAVLINK_MSG_ID_HOME_POSITION: 2.0,
     },
@@ -187,6 +192,7 @@ class Px4(Autopilot):
         self._watch_battery()
         self._watch_gps()
         self._watch_fence()
+        self._watch_mission()
         if self._me.mode is TAKEOFF and self._me.flown and isinstance(self._me.task, Hold):
             self._me.mode = LOITER
 
@@ -295,6 +301,9 @@ class Px4(Autopilot):
             return TEMPORARILY_REJECTED
         if mode is OFFBOARD and not self._streamed():
             return ACCEPTED  # so it says, and stays in the mode it is in
+        if mode is MISSION and not self._mission().legs:
+            self._say("Mission rejected: no valid mission available")
+            return TEMPORARILY_REJECTED
         return mode
 
     def _streamed(self) -> bool:
@@ -311,6 +320,41 @@ class Px4(Autopilot):
         super()._restart()
         self._offboard_lost = False
         self._setpoint_s = self._previous_setpoint_s = -math.inf
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _task_of(self, mode: FlightMode) -> Task:
+        return self._mission() if mode is MISSION else super()._task_of(mode)
+
+    def _mission(self) -> FlyLegs:
+        mission = super()._mission()
+        legs, pace = mission.legs, mission.pace
+        if self._me.landed and legs and legs[0].kind != "take_off":
+            legs = (legs[0]._replace(kind="take_off", hold_s=0.0), *legs)
+        return FlyLegs(legs, pace)
+
+    def _start_mission(self) -> int:
+        mode = self._mode_asked_for(_AUTO, 4, 4)
+        return self._enter(mode) if isinstance(mode, FlightMode) else mode
+
+    def _watch_mission(self) -> None:
+        task = self._me.task
+        if self._me.mode is not MISSION or not isinstance(task, FlyLegs):
+            return
+        if task.leg is None:
+            super()._enter(LOITER)
+        elif task.leg.kind == "return":
+            super()._enter(RTL)
+
+    def _pace(self) -> Pace:
+        parameters = self._me.parameters
+        return Pace(
+            climb_mps=parameters["MPC_TKO_SPEED"],
+            spool_up_s=SPOOL_UP_S,
+            radius_m=parameters["NAV_ACC_RAD"],
+            landing=_landing(parameters),
+            homing=_homing(parameters),
+        )
 
     # --- Arming and take-off -----------------------------------------------------------
 
@@ -342,6 +386,8 @@ class Px4(Autopilot):
 
     def _may_lift(self) -> bool:
         me = self._me
+        if isinstance(me.task, FlyLegs):
+            return me.task.lifts
         return isinstance(me.task, TakeOff) or (
             isinstance(me.task, FlyAxes) and me.task.lifts(me.position_enu)
         )
