@@ -9,6 +9,22 @@ from typing import ClassVar
 from sim import setpoints, telemetry
 from sim.autopilots import ardupilot_fence
 from sim.autopilots.ardupilot_fence import CIRCLE, GIVE_UP_M, MAX_ALT, POLYGON, FenceWatch
+from sim.autopilots.ardupilot_modes import (
+    AUTO,
+    BATTERY_ACTIONS,
+    BRAKE,
+    FENCE_ACTIONS,
+    GCS_ACTIONS,
+    GUIDED,
+    LAND,
+    LOITER,
+    MODES,
+    POSHOLD,
+    RTL,
+    STABILIZE,
+    homing,
+    landing,
+)
 from sim.autopilots.ardupilot_parameters import parameters
 from sim.autopilots.autopilot import Autopilot, Request
 from sim.clock import Clock
@@ -20,78 +36,23 @@ from sim.guidance import (
     FlyAcceleration,
     FlyTo,
     FlyVelocity,
-    Hold,
-    ReturnClimb,
     TakeOff,
     Task,
-    sink,
 )
 from sim.manners import Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
 from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import CAPACITY_MAH, Onboard
-from sim.parameters import Parameters
 from sim.plans import TransferManners
 from sim.route import FlyLegs, Pace
 from swarmctl.frames import LocalFrame, Vector
 
-SINK_MPS = 2.5
 SPOOL_UP_S = 3.35
 """From the take-off command to the first movement."""
 GPS_LOSS_S = 8.0
 """Without GPS for so long it lands."""
 
-_ALWAYS = (
-    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
-    | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-)
-_BY_ITSELF = _ALWAYS | dialect.MAV_MODE_FLAG_GUIDED_ENABLED
-
-
-def _sink(_parameters: Parameters) -> Descend:
-    return sink(SINK_MPS)
-
-
-def _hold(_parameters: Parameters) -> Hold:
-    return Hold()
-
-
-def _landing(parameters: Parameters) -> Descend:
-    fast = parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]
-    slow, below = parameters["LAND_SPEED"], parameters["LAND_ALT_LOW"]
-    return Descend(True, 0.01 * fast, 0.01 * slow, 0.01 * below)
-
-
-def _homing(parameters: Parameters) -> ReturnClimb:
-    fenced = parameters["FENCE_ENABLE"] == 1.0 and int(parameters["FENCE_TYPE"]) & 1
-    highest_m = parameters["FENCE_ALT_MAX"] - parameters["FENCE_MARGIN"] if fenced else math.inf
-    return ReturnClimb(0.01 * parameters["RTL_ALT"], _landing(parameters), highest_m)
-
-
-STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, _sink)
-ALT_HOLD = FlightMode(2, "ALT_HOLD", True, _ALWAYS, _sink)
-AUTO = FlightMode(3, "AUTO", False, _BY_ITSELF, _hold)
-GUIDED = FlightMode(4, "GUIDED", True, _BY_ITSELF, _hold)
-LOITER = FlightMode(5, "LOITER", True, _ALWAYS, _sink)
-RTL = FlightMode(6, "RTL", False, _BY_ITSELF, _homing)
-LAND = FlightMode(9, "LAND", False, _ALWAYS, _landing)
-POSHOLD = FlightMode(16, "POSHOLD", True, _ALWAYS, _sink)
-BRAKE = FlightMode(17, "BRAKE", False, _ALWAYS, _hold)
-
-MODES = {
-    mode.number: mode
-    for mode in (STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
-}
-"""By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
-
-GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
-"""By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
-BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
-"""By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
-FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: LAND}
-"""By FENCE_ACTION, with what comes next where it would rather take SmartRTL."""
 RESTRAINED = (FlyVelocity, FlyAcceleration)
 """What is held back at the fence; positions beyond it are not taken at all."""
 
@@ -351,8 +312,8 @@ class ArduPilot(Autopilot):
             climb_mps=0.01 * parameters["WPNAV_SPEED_UP"],
             spool_up_s=SPOOL_UP_S,
             radius_m=0.01 * parameters["WPNAV_RADIUS"],
-            landing=_landing(parameters),
-            homing=_homing(parameters),
+            landing=landing(parameters),
+            homing=homing(parameters),
         )
 
     # --- Arming and take-off -----------------------------------------------------------
@@ -371,8 +332,8 @@ class ArduPilot(Autopilot):
 
     def _idle_limit_s(self) -> float:
         task = self._me.doing
-        landing = isinstance(task, Descend) and task.landing
-        return 0.0 if landing else self._me.parameters["DISARM_DELAY"]
+        is_landing = isinstance(task, Descend) and task.landing
+        return 0.0 if is_landing else self._me.parameters["DISARM_DELAY"]
 
     def _may_lift(self) -> bool:
         task = self._me.task

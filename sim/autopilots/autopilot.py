@@ -107,8 +107,6 @@ class Autopilot(Flight):
         )
         self._gcs_heard_s: float | None = None
         self._after_ack: list[Message] = []
-        self._plan: object = None
-        self._legs_told = 0
         self._commands: dict[int, Callable[[Request], int]] = {
             dialect.MAV_CMD_DO_SET_MODE: self._do_set_mode,
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._do_arm_disarm,
@@ -272,38 +270,6 @@ class Autopilot(Flight):
         self._plans.on_request(message, home)
 
     # --- Mission -----------------------------------------------------------------------
-
-    def _first_item(self) -> int:
-        """Number of the first item that is flown."""
-        return int(self.transfer.home_is_first)
-
-    def _follow_mission(self, was_armed: bool) -> None:
-        """Tell which item is flown and which are done; a disarmed vehicle begins anew."""
-        me, task, before = self._me, self._me.task, self._me.mission_seq
-        has_landed = was_armed and not me.armed
-        if was_armed and isinstance(task, FlyLegs):
-            done = task.legs[self._legs_told : task.at + has_landed]
-            after = (*task.legs[self._legs_told + 1 :], None)
-            for leg, following in zip(done, after, strict=False):
-                if following is None or following.seq != leg.seq:
-                    self._codec.send(dialect.MAVLink_mission_item_reached_message(leg.seq))
-            self._legs_told = task.at + has_landed
-            if task.leg is not None:
-                me.mission_seq = task.leg.seq
-        self._look_at_plan(begin=has_landed)
-        if me.mission_seq != before:
-            self._send_telemetry(dialect.MAVLINK_MSG_ID_MISSION_CURRENT)
-
-    def _look_at_plan(self, *, begin: bool = False) -> None:
-        """Begin a mission that is new with its first item, or one that is told to."""
-        plan = self._plans.stored(MISSION)
-        if begin or plan is not self._plan:
-            self._plan, self._me.mission_seq = plan, min(self._first_item(), len(plan))
-
-    def _mission(self) -> FlyLegs:
-        self._look_at_plan()
-        self._legs_told = 0
-        return super()._mission()
 
     def _go_to_item(self, seq: int) -> int:
         me = self._me

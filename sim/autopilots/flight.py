@@ -21,6 +21,7 @@ from sim.modes import FlightMode
 from sim.onboard import Onboard
 from sim.plans import FENCE, MISSION, Plans, TransferManners, fence_shapes
 from sim.route import FlyLegs, Pace, legs_of
+from sim.telemetry import mission_current
 from swarmctl.frames import Vector
 
 
@@ -40,6 +41,8 @@ class Flight(ABC):
         self._plans = Plans(self.transfer, self._codec.send)
         self._fences: Mapping[str, Fence] = {}
         self._fences_of: object = None
+        self._plan: object = None
+        self._legs_told = 0
 
     # --- What a personality fills in ---------------------------------------------------
 
@@ -161,9 +164,38 @@ class Flight(ABC):
 
     # --- Mission -----------------------------------------------------------------------
 
+    def _first_item(self) -> int:
+        """Number of the first item that is flown."""
+        return int(self.transfer.home_is_first)
+
+    def _follow_mission(self, was_armed: bool) -> None:
+        """Tell which item is flown and which are done; a disarmed vehicle begins anew."""
+        me, task, before = self._me, self._me.task, self._me.mission_seq
+        has_landed = was_armed and not me.armed
+        if was_armed and isinstance(task, FlyLegs):
+            done = task.legs[self._legs_told : task.at + has_landed]
+            after = (*task.legs[self._legs_told + 1 :], None)
+            for leg, following in zip(done, after, strict=False):
+                if following is None or following.seq != leg.seq:
+                    self._codec.send(dialect.MAVLink_mission_item_reached_message(leg.seq))
+            self._legs_told = task.at + has_landed
+            if task.leg is not None:
+                me.mission_seq = task.leg.seq
+        self._look_at_plan(begin=has_landed)
+        if me.mission_seq != before:
+            self._codec.send(mission_current(me))
+
+    def _look_at_plan(self, *, begin: bool = False) -> None:
+        """Begin a mission that is new with its first item, or one that is told to."""
+        plan = self._plans.stored(MISSION)
+        if begin or plan is not self._plan:
+            self._plan, self._me.mission_seq = plan, min(self._first_item(), len(plan))
+
     def _mission(self) -> FlyLegs:
         """Its mission from the present item on."""
         me = self._me
+        self._look_at_plan()
+        self._legs_told = 0
         items = self._plans.stored(MISSION)
         return FlyLegs(legs_of(items, me.mission_seq, self._place), self._pace())
 

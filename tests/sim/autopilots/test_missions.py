@@ -168,3 +168,18 @@ def test_px4_takes_off_by_itself_and_refuses_an_empty_mission() -> None:
     assert abs(x) < 1.0
     station.advance(40.0)
     assert reached(station) == [0]
+
+
+@pytest.mark.parametrize("height", [math.nan, math.inf, -1e30])
+def test_a_place_nobody_can_fly_to_is_refused(height: float) -> None:
+    station = ready("px4", UP, EAST)
+    station.send(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    waypoint = (*(0.0, 0.0, 0.0, 0.0), *(470_000_000, 80_000_000), height, 0)
+    replies = station.send(
+        mavlink.MAVLink_mission_item_int_message(1, 1, 0, 6, EAST[0], 0, 1, *waypoint)
+    )
+    (ack,) = of_type("MISSION_ACK", replies)
+    assert ack.type == mavlink.MAV_MISSION_INVALID
+    start(station, "px4")  # what it had before
+    station.advance(30.0)
+    assert reached(station) == [0, 1]
