@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sim.guidance import Task
+from sim.guidance import Descend, Hold, Task, sink
 from sim.parameters import Parameters
 
 
@@ -26,3 +26,13 @@ class FlightMode:
     can_arm: bool
     base_mode: int
     task: Callable[[Parameters], Task]
+
+
+def hold(_parameters: Parameters) -> Hold:
+    """What a mode does that keeps its place."""
+    return Hold()
+
+
+def sinking(rate_mps: float) -> Callable[[Parameters], Descend]:
+    """What a mode does that waits for a pilot who is not there."""
+    return lambda _parameters: sink(rate_mps)

@@ -13,6 +13,7 @@ from sim.manners import SHORT, Manners, Timeline
 from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.parameters import Parameters
+from sim.route import FlyLegs
 from swarmctl.frames import LocalFrame, Vector
 
 CELLS = 3
@@ -47,6 +48,7 @@ class Onboard:
         landed: Whether it knows itself on the ground (ArduCopter's ``land_complete``).
         flown: Whether it left the ground since it was armed.
         failsafe: Whether a failsafe acts.
+        mission_seq: Number of the mission's item that is flown, or is next to be.
         contact_s: Simulation time since which the airframe touches the ground; None in the air.
         idle_since_s: Simulation time since which it stands armed on the ground with nothing to
             do, s.
@@ -77,6 +79,7 @@ class Onboard:
     landed: bool = True
     flown: bool = False
     failsafe: bool = False
+    mission_seq: int = 0
     contact_s: float | None = 0.0
     idle_since_s: float = 0.0
     origin_enu: Vector | None = None
@@ -102,6 +105,12 @@ class Onboard:
     def boot_s(self) -> float:
         """Time since power-up by its own clock, s."""
         return self.clock.elapsed_s(self.up_s)
+
+    @property
+    def doing(self) -> Task:
+        """What it does when in the air; of a mission, what it does for its leg."""
+        task = self.task
+        return task.doing or task if isinstance(task, FlyLegs) else task
 
     @property
     def gps_fix(self) -> bool:

@@ -1,6 +1,7 @@
 """Upload and download of missions, fences and rally points.
 
-What is uploaded is kept and given back; fences act, missions and rally points are not flown.
+What is uploaded is kept and given back. Fences act, missions are flown (:mod:`sim.route`), rally
+points are not used.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ FENCE: int = dialect.MAV_MISSION_TYPE_FENCE
 RALLY: int = dialect.MAV_MISSION_TYPE_RALLY
 
 GREATEST_COUNT = 700
+GREATEST_ALT_M = 1e5
 
 _INSIDE: int = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 _OUTSIDE: int = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
@@ -165,10 +167,13 @@ class Plans:
         self._upload = None
         items = tuple(upload.items)
         if upload.kind == FENCE and not fence_is_sound(items):
-            self._ack(upload.peer, dialect.MAV_MISSION_ERROR, upload.kind)
-            return
-        self._store(upload.kind, items)
-        self._ack(upload.peer, dialect.MAV_MISSION_ACCEPTED, upload.kind)
+            result = dialect.MAV_MISSION_ERROR
+        elif upload.kind == MISSION and not mission_is_sound(items):
+            result = dialect.MAV_MISSION_INVALID
+        else:
+            self._store(upload.kind, items)
+            result = dialect.MAV_MISSION_ACCEPTED
+        self._ack(upload.peer, result, upload.kind)
 
     def on_clear_all(self, message: Message) -> None:
         """MISSION_CLEAR_ALL."""
@@ -263,10 +268,7 @@ class Plans:
 
 def fence_is_sound(items: Sequence[Item]) -> bool:
     """Whether fence items make whole polygons of three vertices and more, and real circles."""
-    if any(
-        item.command not in _FENCE_ITEMS or abs(item.x) > 900_000_000 or abs(item.y) > 1_800_000_000
-        for item in items
-    ):
+    if any(item.command not in _FENCE_ITEMS or not _is_on_earth(item) for item in items):
         return False
     if any(
         item.command in {_CIRCLE_INSIDE, _CIRCLE_OUTSIDE} and not 0.0 < item.param1 < 1e6
@@ -287,6 +289,16 @@ def fence_is_sound(items: Sequence[Item]) -> bool:
             return False
         start += int(count)
     return True
+
+
+def mission_is_sound(items: Sequence[Item]) -> bool:
+    """Whether the places of a mission are places that can be flown to."""
+    # NaN is not below anything; commands that name no place have zeros there.
+    return all(_is_on_earth(item) and abs(item.z) < GREATEST_ALT_M for item in items)
+
+
+def _is_on_earth(item: Item) -> bool:
+    return abs(item.x) <= 900_000_000 and abs(item.y) <= 1_800_000_000
 
 
 def fence_shapes(

@@ -166,9 +166,9 @@ def extended_sys_state(onboard: Onboard) -> Message:
     """EXTENDED_SYS_STATE."""
     if onboard.landed:
         landed_state = dialect.MAV_LANDED_STATE_ON_GROUND
-    elif isinstance(onboard.task, TakeOff):
+    elif isinstance(onboard.doing, TakeOff):
         landed_state = dialect.MAV_LANDED_STATE_TAKEOFF
-    elif isinstance(onboard.task, Descend) and onboard.task.landing:
+    elif isinstance(onboard.doing, Descend) and onboard.doing.landing:
         landed_state = dialect.MAV_LANDED_STATE_LANDING
     else:
         landed_state = dialect.MAV_LANDED_STATE_IN_AIR
@@ -271,6 +271,11 @@ def timesync_request(onboard: Onboard) -> Message:
     return dialect.MAVLink_timesync_message(0, round(onboard.boot_s * 1e9))
 
 
+def mission_current(onboard: Onboard) -> Message:
+    """MISSION_CURRENT."""
+    return dialect.MAVLink_mission_current_message(onboard.mission_seq)
+
+
 COMMON: dict[int, Callable[[Onboard], Message | None]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
@@ -281,6 +286,7 @@ COMMON: dict[int, Callable[[Onboard], Message | None]] = {
     dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
     dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
     dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
     dialect.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
     dialect.MAVLINK_MSG_ID_TIMESYNC: timesync_request,
     dialect.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,

@@ -9,6 +9,22 @@ from typing import ClassVar
 from sim import setpoints, telemetry
 from sim.autopilots import ardupilot_fence
 from sim.autopilots.ardupilot_fence import CIRCLE, GIVE_UP_M, MAX_ALT, POLYGON, FenceWatch
+from sim.autopilots.ardupilot_modes import (
+    AUTO,
+    BATTERY_ACTIONS,
+    BRAKE,
+    FENCE_ACTIONS,
+    GCS_ACTIONS,
+    GUIDED,
+    LAND,
+    LOITER,
+    MODES,
+    POSHOLD,
+    RTL,
+    STABILIZE,
+    homing,
+    landing,
+)
 from sim.autopilots.ardupilot_parameters import parameters
 from sim.autopilots.autopilot import Autopilot, Request
 from sim.clock import Clock
@@ -20,81 +36,31 @@ from sim.guidance import (
     FlyAcceleration,
     FlyTo,
     FlyVelocity,
-    Hold,
-    ReturnClimb,
     TakeOff,
-    sink,
+    Task,
 )
 from sim.manners import Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
 from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import CAPACITY_MAH, Onboard
-from sim.parameters import Parameters
 from sim.plans import TransferManners
+from sim.route import FlyLegs, Pace
 from sim.telemetry import home_position
 from swarmctl.frames import LocalFrame, Vector
 
-SINK_MPS = 2.5
 SPOOL_UP_S = 3.35
 """From the take-off command to the first movement."""
 GPS_LOSS_S = 8.0
 """Without GPS for so long it lands."""
 
-_ALWAYS = (
-    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
-    | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-)
-_BY_ITSELF = _ALWAYS | dialect.MAV_MODE_FLAG_GUIDED_ENABLED
-
-
-def _sink(_parameters: Parameters) -> Descend:
-    return sink(SINK_MPS)
-
-
-def _hold(_parameters: Parameters) -> Hold:
-    return Hold()
-
-
-def _landing(parameters: Parameters) -> Descend:
-    fast = parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]
-    slow, below = parameters["LAND_SPEED"], parameters["LAND_ALT_LOW"]
-    return Descend(True, 0.01 * fast, 0.01 * slow, 0.01 * below)
-
-
-def _homing(parameters: Parameters) -> ReturnClimb:
-    fenced = parameters["FENCE_ENABLE"] == 1.0 and int(parameters["FENCE_TYPE"]) & 1
-    highest_m = parameters["FENCE_ALT_MAX"] - parameters["FENCE_MARGIN"] if fenced else math.inf
-    return ReturnClimb(0.01 * parameters["RTL_ALT"], _landing(parameters), highest_m)
-
-
-STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, _sink)
-ALT_HOLD = FlightMode(2, "ALT_HOLD", True, _ALWAYS, _sink)
-GUIDED = FlightMode(4, "GUIDED", True, _BY_ITSELF, _hold)
-LOITER = FlightMode(5, "LOITER", True, _ALWAYS, _sink)
-RTL = FlightMode(6, "RTL", False, _BY_ITSELF, _homing)
-LAND = FlightMode(9, "LAND", False, _ALWAYS, _landing)
-POSHOLD = FlightMode(16, "POSHOLD", True, _ALWAYS, _sink)
-BRAKE = FlightMode(17, "BRAKE", False, _ALWAYS, _hold)
-
-MODES = {
-    mode.number: mode for mode in (STABILIZE, ALT_HOLD, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
-}
-"""By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
-
-GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
-"""By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
-BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
-"""By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
-FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: LAND}
-"""By FENCE_ACTION, with what comes next where it would rather take SmartRTL."""
 RESTRAINED = (FlyVelocity, FlyAcceleration)
 """What is held back at the fence; positions beyond it are not taken at all."""
 
 _STREAM_GROUPS = {
     dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
     dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
         dialect.MAVLINK_MSG_ID_SYS_STATUS,
         dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
     ),
@@ -228,7 +194,7 @@ class ArduPilot(Autopilot):
         me = self._me
         lost = me.armed and not me.gps_ok
         self._gps_lost_since_s = _since(self._gps_lost_since_s, lost, me.now_s)
-        needs_position = me.mode in {GUIDED, LOITER, RTL, POSHOLD, BRAKE}
+        needs_position = me.mode in {AUTO, GUIDED, LOITER, RTL, POSHOLD, BRAKE}
         if needs_position and _for(self._gps_lost_since_s, me.now_s, GPS_LOSS_S):
             self._fail(LAND, "EKF Failsafe: changed to LAND Mode")
 
@@ -309,6 +275,8 @@ class ArduPilot(Autopilot):
         me, watch = self._me, self._fence_watch
         if mode is me.mode:
             return ACCEPTED
+        if mode is AUTO and not self._may_enter_auto():
+            return FAILED
         if (
             watch.recovering
             and int(me.parameters["FENCE_OPTIONS"]) & ardupilot_fence.NO_MODE_CHANGE
@@ -323,6 +291,38 @@ class ArduPilot(Autopilot):
         if me.parameters["FENCE_ACTION"] != 0.0 and watch.mode_changed(me.now_s):
             self._say("Manual recovery started", dialect.MAV_SEVERITY_INFO)
         return ACCEPTED
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _may_enter_auto(self) -> bool:
+        me, legs = self._me, self._mission().legs
+        if legs and me.armed and me.landed and legs[0].kind != "take_off":
+            self._say("Auto: Missing Takeoff Cmd")
+        elif legs:
+            return True
+        self._say("Mode change to AUTO failed: init failed", dialect.MAV_SEVERITY_WARNING)
+        return False
+
+    def _task_of(self, mode: FlightMode) -> Task:
+        # On the ground it waits for MISSION_START, or for a throttle that it has not.
+        return super()._task_of(mode) if mode is not AUTO or self._me.landed else self._mission()
+
+    def _start_mission(self) -> int:
+        me = self._me
+        result = self._enter(AUTO) if me.armed else FAILED
+        if result == ACCEPTED and not isinstance(me.task, FlyLegs):
+            me.task = self._mission()
+        return result
+
+    def _pace(self) -> Pace:
+        parameters = self._me.parameters
+        return Pace(
+            climb_mps=0.01 * parameters["WPNAV_SPEED_UP"],
+            spool_up_s=SPOOL_UP_S,
+            radius_m=0.01 * parameters["WPNAV_RADIUS"],
+            landing=landing(parameters),
+            homing=homing(parameters),
+        )
 
     # --- Arming and take-off -----------------------------------------------------------
 
@@ -339,12 +339,13 @@ class ArduPilot(Autopilot):
         return None
 
     def _idle_limit_s(self) -> float:
-        task = self._me.task
-        landing = isinstance(task, Descend) and task.landing
-        return 0.0 if landing else self._me.parameters["DISARM_DELAY"]
+        task = self._me.doing
+        is_landing = isinstance(task, Descend) and task.landing
+        return 0.0 if is_landing else self._me.parameters["DISARM_DELAY"]
 
     def _may_lift(self) -> bool:
-        return isinstance(self._me.task, TakeOff)
+        task = self._me.task
+        return isinstance(self._me.doing, TakeOff) or (isinstance(task, FlyLegs) and task.lifts)
 
     def _do_take_off(self, request: Request) -> int:
         me = self._me

@@ -2,8 +2,8 @@
 
 Sans-I/O: :meth:`Autopilot.receive` takes a datagram, :meth:`Autopilot.advance` one step of
 time, :meth:`Autopilot.datagrams` hands out what is to be sent. A personality fills in the
-manners measured on a real autopilot; what is not simulated (flying an uploaded mission, log and
-file transfer) answers as an unknown command or not at all.
+manners measured on a real autopilot; what is not simulated (log and file transfer) answers as an
+unknown command or not at all.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import Onboard
 from sim.parameters import Parameters, ParameterServer
+from sim.plans import MISSION
+from sim.route import FlyLegs
 from sim.streams import Streams
 from sim.telemetry import autopilot_version
 from swarmctl.frames import LocalFrame
@@ -111,6 +113,10 @@ class Autopilot(Flight):
             dialect.MAV_CMD_NAV_TAKEOFF: self._do_take_off,
             dialect.MAV_CMD_NAV_LAND: lambda _: self._enter(self._land()),
             dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._enter(self._return()),
+            dialect.MAV_CMD_MISSION_START: lambda _: self._start_mission(),
+            dialect.MAV_CMD_DO_SET_MISSION_CURRENT: lambda request: self._go_to_item(
+                _whole(request.param1)
+            ),
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._do_set_message_interval,
             dialect.MAV_CMD_REQUEST_MESSAGE: self._do_request_message,
             dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._do_request_capabilities,
@@ -134,6 +140,7 @@ class Autopilot(Flight):
             ),
             dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT: self._on_mission_request,
             dialect.MAVLINK_MSG_ID_MISSION_REQUEST: self._on_mission_request,
+            dialect.MAVLINK_MSG_ID_MISSION_SET_CURRENT: lambda m, _: self._on_set_current(m),
             dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: lambda m, _: self._plans.on_clear_all(m),
         }
 
@@ -164,7 +171,9 @@ class Autopilot(Flight):
             What the airframe is to do until the next call; None with the rotors idle.
         """
         step_s = now_s - self._me.now_s
+        was_armed = self._me.armed
         command = self._live(now_s, truth)
+        self._follow_mission(was_armed)
         self._flush_after_ack()
         self._plans.advance(now_s)
         self._parameters.advance(step_s)
@@ -193,6 +202,10 @@ class Autopilot(Flight):
     @abstractmethod
     def _do_take_off(self, request: Request) -> int:
         """MAV_CMD_NAV_TAKEOFF."""
+
+    @abstractmethod
+    def _start_mission(self) -> int:
+        """MAV_CMD_MISSION_START."""
 
     @abstractmethod
     def _on_setpoint(self, message: Message, now_s: float) -> None:
@@ -255,6 +268,22 @@ class Autopilot(Flight):
             lat, lon, alt = me.frame.to_geodetic(*me.home_enu)
             home = (round(math.degrees(lat) * 1e7), round(math.degrees(lon) * 1e7), alt)
         self._plans.on_request(message, home)
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _go_to_item(self, seq: int) -> int:
+        me = self._me
+        if not 0 <= seq < len(self._plans.stored(MISSION)):
+            return DENIED
+        self._look_at_plan()
+        me.mission_seq = seq
+        if isinstance(me.task, FlyLegs):
+            me.task = self._mission()
+        return ACCEPTED
+
+    def _on_set_current(self, message: Message) -> None:
+        if self._go_to_item(message.seq) == ACCEPTED:
+            self._send_telemetry(dialect.MAVLINK_MSG_ID_MISSION_CURRENT)
 
     def _flush_after_ack(self) -> None:
         for message in self._after_ack:

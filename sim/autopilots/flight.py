@@ -19,7 +19,9 @@ from sim.manners import Manners
 from sim.mavlink import ACCEPTED, Codec, Message, dialect
 from sim.modes import FlightMode
 from sim.onboard import Onboard
-from sim.plans import FENCE, Plans, TransferManners, fence_shapes
+from sim.plans import FENCE, MISSION, Plans, TransferManners, fence_shapes
+from sim.route import FlyLegs, Pace, legs_of
+from sim.telemetry import mission_current
 from swarmctl.frames import Vector
 
 
@@ -39,6 +41,8 @@ class Flight(ABC):
         self._plans = Plans(self.transfer, self._codec.send)
         self._fences: Mapping[str, Fence] = {}
         self._fences_of: object = None
+        self._plan: object = None
+        self._legs_told = 0
 
     # --- What a personality fills in ---------------------------------------------------
 
@@ -61,6 +65,10 @@ class Flight(ABC):
     @abstractmethod
     def _build_fences(self) -> Mapping[str, Fence]:
         """The fences that its parameters and its plan make, by its words for them."""
+
+    @abstractmethod
+    def _pace(self) -> Pace:
+        """How it flies its missions."""
 
     @abstractmethod
     def _speed_limit_mps(self) -> float:
@@ -115,8 +123,12 @@ class Flight(ABC):
         """Change the mode; what it does changes only if the mode does."""
         me = self._me
         if mode is not me.mode:
-            me.mode, me.task = mode, mode.task(me.parameters)
+            me.mode, me.task = mode, self._task_of(mode)
         return ACCEPTED
+
+    def _task_of(self, mode: FlightMode) -> Task:
+        """What it does on entering a mode."""
+        return mode.task(self._me.parameters)
 
     def _arm(self) -> int:
         me = self._me
@@ -128,7 +140,7 @@ class Flight(ABC):
             return self.manners.refused
         me.armed, me.flown, me.idle_since_s = True, False, me.now_s
         me.set_home_here()
-        me.task = me.mode.task(me.parameters)
+        me.task = self._task_of(me.mode)
         return ACCEPTED
 
     def _disarm(self, *, forced: bool) -> int:
@@ -149,6 +161,52 @@ class Flight(ABC):
 
     def _say(self, text: str, severity: int = dialect.MAV_SEVERITY_CRITICAL) -> None:
         self._codec.send(dialect.MAVLink_statustext_message(severity, text.encode()[:50]))
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _first_item(self) -> int:
+        """Number of the first item that is flown."""
+        return int(self.transfer.home_is_first)
+
+    def _follow_mission(self, was_armed: bool) -> None:
+        """Tell which item is flown and which are done; a disarmed vehicle begins anew."""
+        me, task, before = self._me, self._me.task, self._me.mission_seq
+        has_landed = was_armed and not me.armed
+        if was_armed and isinstance(task, FlyLegs):
+            done = task.legs[self._legs_told : task.at + has_landed]
+            after = (*task.legs[self._legs_told + 1 :], None)
+            for leg, following in zip(done, after, strict=False):
+                if following is None or following.seq != leg.seq:
+                    self._codec.send(dialect.MAVLink_mission_item_reached_message(leg.seq))
+            self._legs_told = task.at + has_landed
+            if task.leg is not None:
+                me.mission_seq = task.leg.seq
+        self._look_at_plan(begin=has_landed)
+        if me.mission_seq != before:
+            self._codec.send(mission_current(me))
+
+    def _look_at_plan(self, *, begin: bool = False) -> None:
+        """Begin a mission that is new with its first item, or one that is told to."""
+        plan = self._plans.stored(MISSION)
+        if begin or plan is not self._plan:
+            self._plan, self._me.mission_seq = plan, min(self._first_item(), len(plan))
+
+    def _mission(self) -> FlyLegs:
+        """Its mission from the present item on."""
+        me = self._me
+        self._look_at_plan()
+        self._legs_told = 0
+        items = self._plans.stored(MISSION)
+        return FlyLegs(legs_of(items, me.mission_seq, self._place), self._pace())
+
+    def _place(self, lat_e7: int, lon_e7: int, alt_m: float, above_home: bool) -> Vector:
+        """ENU place, m, of a mission's item; zeros for latitude and longitude are home."""
+        me = self._me
+        home = me.home_enu or me.position_enu
+        alt = alt_m + me.home_alt_amsl_m if above_home else alt_m
+        if (lat_e7, lon_e7) == (0, 0):
+            return (*home[:2], me.frame.up_at(*home[:2], alt))
+        return me.frame.to_enu(math.radians(lat_e7 * 1e-7), math.radians(lon_e7 * 1e-7), alt)
 
     # --- Fence -------------------------------------------------------------------------
 

@@ -9,27 +9,42 @@ from typing import ClassVar
 from sim import telemetry
 from sim.autopilots import px4_setpoints
 from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.px4_modes import (
+    AUTO,
+    DATALINK_LOSS_ACTIONS,
+    FENCE_ACTIONS,
+    LAND,
+    LOITER,
+    MISSION,
+    MODES,
+    OFFBOARD,
+    OFFBOARD_LOSS_ACTIONS,
+    POSCTL,
+    RESUMED_FROM,
+    RTL,
+    TAKEOFF,
+    homing,
+    landing,
+)
 from sim.autopilots.px4_parameters import parameters
 from sim.clock import Clock
 from sim.config import VehicleConfig
 from sim.dynamics import State
 from sim.fence import Fence
-from sim.guidance import Descend, FlyAxes, Hold, ReturnClimb, TakeOff, Task, sink
+from sim.guidance import FlyAxes, Hold, TakeOff, Task
 from sim.manners import Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Message, dialect
 from sim.modes import FlightMode
 from sim.navigation import PositionError
 from sim.onboard import Onboard
-from sim.parameters import Parameters
 from sim.plans import TransferManners
+from sim.route import FlyLegs, Pace
 from swarmctl.frames import LocalFrame
 
 OFFBOARD_ENTRY_S = 0.5
 """A stream slower than 2 Hz does not open OFFBOARD."""
 OFFBOARD_LOSS_EXTRA_S = 0.1
 """What it takes longer than COM_OF_LOSS_T to notice that the stream is lost."""
-SINK_MPS = 0.7
-"""Descent of a position mode without sticks."""
 SPOOL_UP_S = 2.0
 GPS_LOSS_S = 5.0
 """EKF2_NOAID_TOUT: without GPS for so long it has no position."""
@@ -38,74 +53,10 @@ IDLE_EXTRA_S = 2.0
 TAKE_OFF_CLEARANCE_M = 0.5
 """A take-off to less above the ground goes to MIS_TAKEOFF_ALT instead."""
 
-_ALWAYS = (
-    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
-    | dialect.MAV_MODE_FLAG_GUIDED_ENABLED
-)
-_AUTO = _ALWAYS | dialect.MAV_MODE_FLAG_AUTO_ENABLED
-_STICKS = (
-    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
-    | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-)
-
-
-def _sink(_parameters: Parameters) -> Descend:
-    return sink(SINK_MPS)
-
-
-def _hold(_parameters: Parameters) -> Hold:
-    return Hold()
-
-
-def _landing(parameters: Parameters) -> Descend:
-    return Descend(
-        True,
-        parameters["MPC_Z_V_AUTO_DN"],
-        parameters["MPC_LAND_SPEED"],
-        parameters["MPC_LAND_ALT1"],
-    )
-
-
-def _homing(parameters: Parameters) -> ReturnClimb:
-    return ReturnClimb(parameters["RTL_RETURN_ALT"], _landing(parameters))
-
-
-def _mode(
-    name: str,
-    main: int,
-    sub: int,
-    task: Callable[[Parameters], Task],
-    *,
-    can_arm: bool = True,
-    base_mode: int = _AUTO,
-) -> FlightMode:
-    return FlightMode(main << 16 | sub << 24, name, can_arm, base_mode, task)
-
-
-ALTCTL = _mode("ALTCTL", 2, 0, _sink, base_mode=_STICKS)
-POSCTL = _mode("POSCTL", 3, 0, _sink, base_mode=_STICKS)
-TAKEOFF = _mode("AUTO_TAKEOFF", 4, 2, _hold)
-LOITER = _mode("AUTO_LOITER", 4, 3, _hold)
-RTL = _mode("AUTO_RTL", 4, 5, _homing, can_arm=False)
-LAND = _mode("AUTO_LAND", 4, 6, _landing, can_arm=False)
-OFFBOARD = _mode("OFFBOARD", 6, 0, _hold, base_mode=_ALWAYS)
-
-MODES = {mode.number: mode for mode in (ALTCTL, POSCTL, TAKEOFF, LOITER, RTL, LAND, OFFBOARD)}
-"""By ``custom_mode``: main mode in the third byte, sub-mode in the fourth."""
-
-OFFBOARD_LOSS_ACTIONS = {0: POSCTL, 1: POSCTL, 2: POSCTL, 3: RTL, 4: LAND, 5: LOITER}
-"""By COM_OBL_RC_ACT; without sticks the stick modes are one."""
-RESUMED_FROM = {POSCTL, LOITER}
-"""Where it goes back to OFFBOARD from when setpoints resume."""
-DATALINK_LOSS_ACTIONS = {1: LOITER, 2: RTL, 3: LAND}
-"""By NAV_DLL_ACT."""
-FENCE_ACTIONS = {2: LOITER, 3: RTL, 5: LAND}
-"""By GF_ACTION; 4, to terminate, is off as long as CBRK_FLIGHTTERM is what it is by default."""
 TOO_FAR = "exceeding maximum distance to Home"
 TOO_HIGH = "exceeding maximum altitude above Home"
 OUTSIDE = "approaching or outside geofence"
+"""What it says of its fences."""
 
 MANNERS = Manners(
     autopilot=dialect.MAV_AUTOPILOT_PX4,
@@ -134,6 +85,7 @@ MANNERS = Manners(
         dialect.MAVLINK_MSG_ID_SYS_STATUS: 1.0 / 5.0,
         dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0 / 5.0,
         dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
         dialect.MAVLINK_MSG_ID_HOME_POSITION: 2.0,
     },
@@ -187,6 +139,7 @@ class Px4(Autopilot):
         self._watch_battery()
         self._watch_gps()
         self._watch_fence()
+        self._watch_mission()
         if self._me.mode is TAKEOFF and self._me.flown and isinstance(self._me.task, Hold):
             self._me.mode = LOITER
 
@@ -295,6 +248,9 @@ class Px4(Autopilot):
             return TEMPORARILY_REJECTED
         if mode is OFFBOARD and not self._streamed():
             return ACCEPTED  # so it says, and stays in the mode it is in
+        if mode is MISSION and not self._mission().legs:
+            self._say("Mission rejected: no valid mission available")
+            return TEMPORARILY_REJECTED
         return mode
 
     def _streamed(self) -> bool:
@@ -311,6 +267,41 @@ class Px4(Autopilot):
         super()._restart()
         self._offboard_lost = False
         self._setpoint_s = self._previous_setpoint_s = -math.inf
+
+    # --- Mission -----------------------------------------------------------------------
+
+    def _task_of(self, mode: FlightMode) -> Task:
+        return self._mission() if mode is MISSION else super()._task_of(mode)
+
+    def _mission(self) -> FlyLegs:
+        mission = super()._mission()
+        legs, pace = mission.legs, mission.pace
+        if self._me.landed and legs and legs[0].kind != "take_off":
+            legs = (legs[0]._replace(kind="take_off", hold_s=0.0), *legs)
+        return FlyLegs(legs, pace)
+
+    def _start_mission(self) -> int:
+        mode = self._mode_asked_for(AUTO, 4, 4)
+        return self._enter(mode) if isinstance(mode, FlightMode) else mode
+
+    def _watch_mission(self) -> None:
+        task = self._me.task
+        if self._me.mode is not MISSION or not isinstance(task, FlyLegs):
+            return
+        if task.leg is None:
+            super()._enter(LOITER)
+        elif task.leg.kind == "return":
+            super()._enter(RTL)
+
+    def _pace(self) -> Pace:
+        parameters = self._me.parameters
+        return Pace(
+            climb_mps=parameters["MPC_TKO_SPEED"],
+            spool_up_s=SPOOL_UP_S,
+            radius_m=parameters["NAV_ACC_RAD"],
+            landing=landing(parameters),
+            homing=homing(parameters),
+        )
 
     # --- Arming and take-off -----------------------------------------------------------
 
@@ -342,6 +333,8 @@ class Px4(Autopilot):
 
     def _may_lift(self) -> bool:
         me = self._me
+        if isinstance(me.task, FlyLegs):
+            return me.task.lifts
         return isinstance(me.task, TakeOff) or (
             isinstance(me.task, FlyAxes) and me.task.lifts(me.position_enu)
         )

@@ -44,6 +44,7 @@ def _vehicle(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
     there = Udp(url)
     there.ready()
     yield there
+    there.hush()
     there.close()
 
 

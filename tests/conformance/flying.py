@@ -16,9 +16,10 @@ POSITION_ONLY = only(0b111)
 
 
 def watch(vehicle: Vehicle, rate_hz: float = 50.0) -> None:
-    """Ask for what the rows in the air look at."""
+    """Ask for what the rows in the air look at; they begin where it stands."""
     vehicle.stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, rate_hz)
     vehicle.stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, rate_hz)
+    vehicle.stand()
 
 
 def airborne_ardupilot(vehicle: Vehicle, height_m: float = 30.0) -> None:

@@ -55,6 +55,7 @@ class Vehicle(ABC):
         self.heard: list[tuple[float, Message]] = []
         self._encoders: dict[int, Any] = {}
         self._streams: set[int] = set()
+        self._stand = (0.0, 0.0)
         self._looked_at = 0
 
     # --- The wire ----------------------------------------------------------------------
@@ -134,7 +135,7 @@ class Vehicle(ABC):
         return self.until(of(name), 2.0)[1]
 
     def stream(self, message_id: int, rate_hz: float) -> None:
-        """Ask for a message at a rate, until the vehicle is next made ready."""
+        """Ask for a message at a rate, until it is hushed."""
         self._streams.add(message_id)
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         assert self.result(command, message_id, 1e6 / rate_hz) == ACCEPTED
@@ -183,13 +184,10 @@ class Vehicle(ABC):
     # --- Flying ------------------------------------------------------------------------
 
     def ready(self) -> None:
-        """Bring it to the ground, disarmed, armable, with nothing but its own streams on."""
+        """Bring it to the ground, disarmed and armable."""
         if self.armed():
             self.command(mavlink.MAV_CMD_NAV_LAND)
             self.until(lambda m: of("HEARTBEAT")(m) and not m.base_mode & ARMED, 300.0)
-        for message_id in self._streams:
-            self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 0)
-        self._streams.clear()
         # In the mode it landed in it would never be.
         is_px4 = self.heartbeat().autopilot == mavlink.MAV_AUTOPILOT_PX4
         mode = (PX4_AUTO, PX4_HOLD) if is_px4 else (GUIDED,)
@@ -202,6 +200,18 @@ class Vehicle(ABC):
             assert self.now < deadline, "it does not become armable"
             self.wait(1.0)
 
+    def hush(self) -> None:
+        """Turn off the streams that were asked for."""
+        for message_id in self._streams:
+            self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 0)
+        self._streams.clear()
+
+    def stand(self) -> None:
+        """Let places count from where it stands; its local frame begins where it booted."""
+        self._stand = (0.0, 0.0)
+        north, east, _ = self.position()
+        self._stand = (north, east)
+
     def reboot(self) -> float:
         """Reboot; returns how long it was silent, s."""
         assert self.result(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
@@ -210,9 +220,10 @@ class Vehicle(ABC):
         return at - start
 
     def position(self) -> tuple[float, float, float]:
-        """The next LOCAL_POSITION_NED, m."""
+        """Where the next LOCAL_POSITION_NED says that it is, seen from where it stood, m."""
         _, message = self.until(of("LOCAL_POSITION_NED"), 2.0)
-        return message.x, message.y, message.z
+        north, east = self._stand
+        return message.x - north, message.y - east, message.z
 
     def speed(self) -> float:
         """The next speed, m/s."""
@@ -230,11 +241,13 @@ class Vehicle(ABC):
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> None:
-        """Send a SET_POSITION_TARGET_LOCAL_NED."""
+        """Send a SET_POSITION_TARGET_LOCAL_NED; a place in LOCAL_NED counts from where it stood."""
+        north, east = self._stand if frame == LOCAL_NED else (0.0, 0.0)
+        place = (position[0] + north, position[1] + east, position[2])
         self.send(
             mavlink.MAVLink_set_position_target_local_ned_message(
                 *(0, self.sysid, 1, frame, mask),
-                *(*position, *velocity, *acceleration, yaw, yaw_rate),
+                *(*place, *velocity, *acceleration, yaw, yaw_rate),
             ),
             source,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import shutil
 import socket
 import sys
@@ -15,7 +16,7 @@ import pytest
 from sim.serve import serve
 from swarmctl.feed.broker import embedded_broker
 from tests.brokers import free_port
-from tests.sim.flying import simulation, vehicle
+from tests.sim.flying import ALT, LAT, LON, simulation, vehicle
 
 MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
@@ -119,4 +120,31 @@ async def test_mavproxy_flies_px4(tmp_path: Path) -> None:
         await mavproxy.expect("LOITER>")
         mavproxy.type("long NAV_LAND 0 0 0 0 0 0 0")
         await mavproxy.expect("LAND>")
+        await mavproxy.expect("DISARMED")
+
+
+async def test_mavproxy_loads_a_mission_and_ardupilot_flies_it(tmp_path: Path) -> None:
+    lat, lon = math.degrees(LAT), math.degrees(LON)
+    home, north = (lat, lon), (lat + 3e-4, lon)
+    # Frames and commands: home, take-off, waypoint, return.
+    items = ((0, 16, *home, ALT), (3, 22, *home, 8), (3, 16, *north, 8), (3, 20, 0, 0, 0))
+    lines = [
+        f"{seq}\t0\t{frame}\t{command}\t0\t0\t0\t0\t{x}\t{y}\t{z}\t1"
+        for seq, (frame, command, x, y, z) in enumerate(items)
+    ]
+    (tmp_path / "mission.txt").write_text("\n".join(["QGC WPL 110", *lines]) + "\n")
+    async with console("ardupilot", tmp_path) as mavproxy:
+        await mavproxy.expect("Received 483 parameters")
+        mavproxy.type("wp load mission.txt")
+        await mavproxy.expect("Loaded 4 waypoint")
+        await mavproxy.expect("Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
+        mavproxy.type("mode GUIDED")
+        await mavproxy.expect("GUIDED>")
+        mavproxy.type("arm throttle")
+        await mavproxy.expect("ARMED")
+        mavproxy.type("mode AUTO")
+        await mavproxy.expect("AUTO>")
+        mavproxy.type("long MISSION_START 0 0 0 0 0 0 0")
+        for seq in (2, 3):
+            await mavproxy.expect(f"waypoint {seq}")
         await mavproxy.expect("DISARMED")

@@ -14,15 +14,19 @@ import pytest
 from sim.serve import serve
 from swarmctl.feed.broker import embedded_broker
 from tests.brokers import free_port
-from tests.sim.flying import ALT, LAT, simulation, vehicle
+from tests.sim.flying import ALT, LAT, LON, simulation, vehicle
 
 try:
     from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
     from mavsdk.asyncio.plugins.action import ActionAsync, ActionError
     from mavsdk.asyncio.plugins.info import InfoAsync
+    from mavsdk.asyncio.plugins.mission import MissionAsync
+    from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
     from mavsdk.asyncio.plugins.offboard import OffboardAsync
     from mavsdk.asyncio.plugins.param import ParamAsync
     from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+    from mavsdk.plugins.mission import MissionItem, MissionPlan
+    from mavsdk.plugins.mission_raw import MissionItem as RawItem
     from mavsdk.plugins.offboard import PositionNedYaw, VelocityNedYaw
 except (ImportError, OSError) as error:
     pytest.skip(f"MAVSDK's native library cannot be loaded: {error}", allow_module_level=True)
@@ -103,6 +107,91 @@ async def test_mavsdk_connects_arms_takes_off_flies_setpoints_and_lands(autopilo
 
         await action.land()
         await until(telemetry.subscribe_armed(), lambda armed: not armed)
+
+
+NORTH_DEG = 30.0 / 111_320.0
+
+
+def planned() -> MissionPlan:
+    """Up, 30 m north, 30 m east."""
+    lat, lon = math.degrees(LAT), math.degrees(LON)
+    take_off = MissionItem.VehicleAction.TAKEOFF
+    places = ((lat, lon), (lat + NORTH_DEG, lon), (lat + NORTH_DEG, lon + 30.0 / 75_900.0))
+    return MissionPlan(
+        [
+            MissionItem(
+                latitude_deg=place[0],
+                longitude_deg=place[1],
+                relative_altitude_m=8.0,
+                is_fly_through=True,
+                vehicle_action=take_off if n == 0 else None,
+            )
+            for n, place in enumerate(places)
+        ]
+    )
+
+
+async def fly_mission(system: Any, mission: Any) -> None:  # noqa: ANN401 - MAVSDK is untyped
+    """Arm, fly the whole mission and land at home."""
+    action, telemetry = ActionAsync(system), TelemetryAsync(system)
+    await telemetry.set_rate_position(20.0)
+    await telemetry.set_rate_health(10.0)
+    await until(telemetry.subscribe_health(), lambda h: h.is_armable and h.is_home_position_ok)
+    await action.arm()
+    await mission.start_mission()
+    await until(
+        telemetry.subscribe_position(),
+        lambda p: abs(p.latitude_deg - math.degrees(LAT) - NORTH_DEG) < 0.1 * NORTH_DEG,
+    )
+    await until(telemetry.subscribe_armed(), lambda armed: not armed)
+    landed = await until(telemetry.subscribe_position(), bool)
+    assert landed.latitude_deg == pytest.approx(math.degrees(LAT), abs=0.1 * NORTH_DEG)
+
+
+async def test_mavsdk_flies_a_mission_with_px4() -> None:
+    async with connected("px4") as system:
+        mission = MissionAsync(system)
+        await mission.set_return_to_launch_after_mission(True)
+        await mission.upload_mission(planned())
+        assert len((await mission.download_mission()).mission_items) == 3
+        flying = asyncio.create_task(fly_mission(system, mission))
+        await until(mission.subscribe_mission_progress(), lambda p: p.current == p.total == 3)
+        await flying
+        assert await mission.is_mission_finished()
+
+
+async def test_mavsdk_flies_a_raw_mission_with_ardupilot() -> None:
+    """Its other plugin does not know that ArduPilot's item 0 is home."""
+    async with connected("ardupilot") as system:
+        mission = MissionRawAsync(system)
+        home = (round(math.degrees(LAT) * 1e7), round(math.degrees(LON) * 1e7))
+        north = (home[0] + round(NORTH_DEG * 1e7), home[1])
+        waypoint, return_, take_off = 16, 20, 22
+        flown = ((waypoint, home), (take_off, home), (waypoint, north), (return_, (0, 0)))
+        items = [
+            RawItem(
+                seq=seq,
+                frame=3 if seq else 0,
+                command=command,
+                current=int(seq == 0),
+                autocontinue=1,
+                param1=0.0,
+                param2=0.0,
+                param3=0.0,
+                param4=0.0,
+                x=x,
+                y=y,
+                z=8.0,
+                mission_type=0,
+            )
+            for seq, (command, (x, y)) in enumerate(flown)
+        ]
+        await mission.upload_mission(items)
+        back = await mission.download_mission()
+        assert [(item.command, item.x, item.y) for item in back[1:]] == [
+            (item.command, item.x, item.y) for item in items[1:]
+        ]
+        await fly_mission(system, mission)
 
 
 async def test_mavsdk_is_refused_arming_until_it_sees_that_px4_is_ready() -> None:

@@ -1,0 +1,57 @@
+"""ArduCopter's flight modes, and which of them its failsafes enter."""
+
+from __future__ import annotations
+
+import math
+
+from sim.guidance import Descend, ReturnClimb
+from sim.mavlink import dialect
+from sim.modes import FlightMode, hold, sinking
+from sim.parameters import Parameters
+
+SINK_MPS = 2.5
+
+_ALWAYS = (
+    dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
+    | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+)
+_BY_ITSELF = _ALWAYS | dialect.MAV_MODE_FLAG_GUIDED_ENABLED
+
+
+def landing(parameters: Parameters) -> Descend:
+    """How it lands."""
+    fast = parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]
+    slow, below = parameters["LAND_SPEED"], parameters["LAND_ALT_LOW"]
+    return Descend(True, 0.01 * fast, 0.01 * slow, 0.01 * below)
+
+
+def homing(parameters: Parameters) -> ReturnClimb:
+    """How it returns, which is below the fence where that has a ceiling."""
+    fenced = parameters["FENCE_ENABLE"] == 1.0 and int(parameters["FENCE_TYPE"]) & 1
+    highest_m = parameters["FENCE_ALT_MAX"] - parameters["FENCE_MARGIN"] if fenced else math.inf
+    return ReturnClimb(0.01 * parameters["RTL_ALT"], landing(parameters), highest_m)
+
+
+STABILIZE = FlightMode(0, "STABILIZE", True, _ALWAYS, sinking(SINK_MPS))
+ALT_HOLD = FlightMode(2, "ALT_HOLD", True, _ALWAYS, sinking(SINK_MPS))
+AUTO = FlightMode(3, "AUTO", False, _BY_ITSELF, hold)
+GUIDED = FlightMode(4, "GUIDED", True, _BY_ITSELF, hold)
+LOITER = FlightMode(5, "LOITER", True, _ALWAYS, sinking(SINK_MPS))
+RTL = FlightMode(6, "RTL", False, _BY_ITSELF, homing)
+LAND = FlightMode(9, "LAND", False, _ALWAYS, landing)
+POSHOLD = FlightMode(16, "POSHOLD", True, _ALWAYS, sinking(SINK_MPS))
+BRAKE = FlightMode(17, "BRAKE", False, _ALWAYS, hold)
+
+MODES = {
+    mode.number: mode
+    for mode in (STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
+}
+"""By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
+
+GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
+"""By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
+BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
+"""By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
+FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: LAND}
+"""By FENCE_ACTION, with what comes next where it would rather take SmartRTL."""
