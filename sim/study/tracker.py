@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -61,7 +60,8 @@ class Instant:
     inside_95: float
 
 
-class Measure(NamedTuple):
+@dataclass(frozen=True)
+class Measure:
     """Another figure that a case asks for.
 
     Attributes:
