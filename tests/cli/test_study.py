@@ -83,6 +83,28 @@ def test_consistency_as_json_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     assert away.stdout == here.stdout
 
 
+def test_the_tracker_s_cases_are_tables_or_json(tmp_path: Path) -> None:
+    """Beside the filters, with what the case asks for; how long it takes is said first."""
+    command = ["consistency", "--runs", "2", "--case", "no-prior"]
+    shown = study(*command, "--case", "literal", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "2 runs a case take about 1 min on one core." in shown.stderr
+    for word in ("no prior; 10 Hz", "bound, CV", "iterated EKF", "latest first estimate (s): 0."):
+        assert word in shown.stdout
+    done = study(*command, "--case", "health", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["rows"] == []
+    rows = document["tracker"]["rows"]
+    assert [row["filter"] for row in rows][:2] == ["tracker", "NCRKF"]
+    assert [instant["time_s"] for instant in rows[0]["instants"]] == [1.0, 4.0, 8.0, 12.0, 16.0]
+    assert {"latest first estimate (s)", "share of the RDs set aside"} <= {
+        measure["name"] for measure in rows[0]["measures"]
+    }
+    assert rows[0]["shortfalls"] is not None
+    assert document["tracker"]["health"][1]["fault"] == "noise doubled"
+
+
 def test_information_says_what_eq_51_is_worth(tmp_path: Path) -> None:
     command = ["information", "--runs", "3", "--epochs", "50", "--with", str(EXAMPLE)]
     done = study(*command, cwd=tmp_path)
