@@ -161,6 +161,14 @@ def run(
         ),
     ] = False,
     forward: ForwardOption = None,
+    set_failsafes: Annotated[
+        bool,
+        typer.Option(
+            "--set-failsafes",
+            help="Set the vehicles' failsafes for the flight where they are not right, and restore"
+            " them after it, as does swarm.set_failsafes in the mission.",
+        ),
+    ] = False,
 ) -> None:
     """Fly a mission with whatever vehicles answer on its link."""
     from swarmctl.ops.live import fly  # noqa: PLC0415 - keeps `--help` quick
@@ -177,6 +185,7 @@ def run(
                 forward=forward or (),
                 speedup=speedup,
                 shadow=shadow,
+                set_failsafes=set_failsafes,
                 on_snapshot=reporter.snapshot,
                 on_notice=reporter.notice,
                 snapshot_every_s=reporter.every_s,

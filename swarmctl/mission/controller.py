@@ -275,6 +275,8 @@ class Controller:
         elif self.phase is Phase.WAITING and preflight.all_heard:
             self._move(Trigger.HEARD, "every vehicle answers", now)
         elif self.phase is Phase.CHECKING and preflight.complete:
+            for text in preflight.warnings():
+                self._say(now, "warning", text)
             self._launch = Launch(list(self.fleet.vehicles.values()), now)
             self._move(Trigger.CHECKED, "every vehicle is ready", now)
 

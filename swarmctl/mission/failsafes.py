@@ -1,22 +1,20 @@
 """Whether the vehicles' own failsafes would bring the swarm home safely and apart.
 
-A pure judgement of what the vehicles say of their parameters. Parameters go by their newest
-names and units; the link knows the older ones. Meanings: ArduCopter 4.7 and PX4 v1.16.
+A pure judgement of what the vehicles say of their parameters, by the tables of
+:mod:`swarmctl.mission.parameter_rules` and by what they do together.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+
+from swarmctl.mission.parameter_rules import RULES, Demands, Weight
 
 RETURN_ALTITUDE = {"ardupilot": "RTL_ALT_M", "px4": "RTL_RETURN_ALT"}
 """The parameter with the least altitude above home of a return, m, by autopilot."""
-
-
-OPTIONAL = frozenset({"FS_GCS_TIMEOUT"})
-"""Parameters that older firmware does not have; what it has instead is right."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,8 @@ class Craft:
         autopilot: ``ardupilot`` or ``px4``.
         altitude_amsl_m: The altitude the mission gives it, m.
         home_amsl_m: Altitude of its home, m.
-        values: All of :func:`parameters_of` its autopilot; of :data:`OPTIONAL` those it has.
+        values: Those of :func:`parameters_of` its autopilot that it has told. What is not among
+            them is not judged.
     """
 
     sysid: int
@@ -52,8 +51,9 @@ class Unsafe:
         sysid: MAVLink system id of the vehicle.
         parameter: Its name.
         value: What it is.
-        right: What would be right.
+        right: What would be right; not a number if that depends.
         why: What the right value does, as a clause.
+        weight: What becomes of it.
     """
 
     sysid: int
@@ -61,89 +61,48 @@ class Unsafe:
     value: float
     right: float
     why: str
-
-
-@dataclass(frozen=True)
-class _Rule:
-    parameter: str
-    is_safe: Callable[[float], bool]
-    right: float
-    why: str
-
-
-def _rules(autopilot: str, gcs_sysid: int) -> tuple[_Rule, ...]:
-    if autopilot == "ardupilot":
-        # 3 and 4 retrace each vehicle's own path, which may cross another's; 5 and 7 land it.
-        return (
-            _Rule(
-                "FS_GCS_ENABLE",
-                lambda value: value == 1.0,
-                1.0,
-                "it returns home when its ground station falls silent",
-            ),
-            # At 1 Hz, a radio that loses one heartbeat in five loses five in a row every hour.
-            _Rule(
-                "FS_GCS_TIMEOUT",
-                lambda value: 10.0 <= value <= 60.0,
-                10.0,
-                "a lossy radio is no lost ground station",
-            ),
-            _Rule(
-                "MAV_GCS_SYSID",
-                lambda value: value == gcs_sysid,
-                float(gcs_sysid),
-                "this controller is the ground station it listens for",
-            ),
-        )
-    return (
-        _Rule(
-            "NAV_DLL_ACT",
-            lambda value: value == 2.0,
-            2.0,
-            "it returns home when its ground station falls silent",
-        ),
-        _Rule(
-            "COM_OBL_RC_ACT",
-            lambda value: value in {3.0, 5.0},
-            5.0,
-            "without setpoints it hovers, with or without a remote control",
-        ),
-        _Rule(
-            "COM_OF_LOSS_T",
-            lambda value: 0.5 <= value <= 5.0,
-            1.0,
-            "it outlasts a hiccup of the radio, and no more",
-        ),
-    )
+    weight: Weight
 
 
 def parameters_of(autopilot: str) -> tuple[str, ...]:
-    """Names of the parameters that decide, by autopilot; none for one that is not known."""
-    if autopilot not in RETURN_ALTITUDE:
+    """Names of the parameters that are looked at, by autopilot; none for one that is not known."""
+    if autopilot not in RULES:
         return ()
-    return (*(rule.parameter for rule in _rules(autopilot, 0)), RETURN_ALTITUDE[autopilot])
+    names = [name for rule in RULES[autopilot] for name in (rule.parameter, *rule.needs)]
+    return tuple(dict.fromkeys((*names, RETURN_ALTITUDE[autopilot])))
+
+
+def required_of(autopilot: str) -> frozenset[str]:
+    """Names of those without which nobody can tell whether a vehicle comes home safely."""
+    if autopilot not in RULES:
+        return frozenset()
+    rules = RULES[autopilot]
+    must = {r.parameter for r in rules if r.weight is Weight.MUST and not r.is_new}
+    return frozenset(must | {RETURN_ALTITUDE[autopilot]})
+
+
+def advised_of(autopilot: str) -> frozenset[str]:
+    """Names of those that a flight may do without, but not without saying so."""
+    new = {rule.parameter for rule in RULES.get(autopilot, ()) if rule.is_new}
+    return frozenset(parameters_of(autopilot)) - required_of(autopilot) - new
 
 
 def unsafe(
-    crafts: Sequence[Craft], *, gcs_sysid: int, separation_m: float, ceiling_amsl_m: float
+    crafts: Sequence[Craft], *, demands: Demands, separation_m: float, ceiling_amsl_m: float
 ) -> list[Unsafe]:
     """What would keep the swarm from coming home safely and apart by itself.
 
     Args:
         crafts: The vehicles.
-        gcs_sysid: This controller's own system id.
+        demands: What the mission asks of every vehicle.
         separation_m: Least difference between the altitudes of two returns, m.
         ceiling_amsl_m: Greatest altitude, m.
 
     Returns:
         Every unsafe parameter, in the order of the vehicles.
     """
-    found = [
-        Unsafe(craft.sysid, rule.parameter, craft.values[rule.parameter], rule.right, rule.why)
-        for craft in crafts
-        for rule in _rules(craft.autopilot, gcs_sysid)
-        if rule.parameter in craft.values and not rule.is_safe(craft.values[rule.parameter])
-    ]
+    found = [fault for craft in crafts for fault in _alone(craft, demands)]
+    crafts = [craft for craft in crafts if RETURN_ALTITUDE[craft.autopilot] in craft.values]
     levels = sorted(craft.return_amsl_m for craft in crafts)
     is_apart = all(high - low >= separation_m for low, high in itertools.pairwise(levels))
     if is_apart and max(levels, default=-math.inf) <= ceiling_amsl_m:
@@ -162,6 +121,20 @@ def unsafe(
                     right,
                     f"it returns at its own {craft.altitude_amsl_m:g} m AMSL, apart from the others"
                     " and below the ceiling",
+                    Weight.MUST,
                 )
             )
     return found
+
+
+def _alone(craft: Craft, demands: Demands) -> Iterator[Unsafe]:
+    """What is not right about one vehicle, whatever the others do; a parameter only once."""
+    seen = set()
+    for rule in RULES[craft.autopilot]:
+        value = craft.values.get(rule.parameter)
+        if value is None or rule.parameter in seen:
+            continue
+        right = rule.right(value, craft.values, demands)
+        if right != value:
+            seen.add(rule.parameter)
+            yield Unsafe(craft.sysid, rule.parameter, value, right, rule.why, rule.weight)

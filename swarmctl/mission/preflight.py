@@ -290,6 +290,10 @@ class Preflight:
             self.failure = Failure("not_ready", "; ".join(missing))
         return commands
 
+    def warnings(self) -> list[str]:
+        """What the operator should know before vehicles that pass every check take off."""
+        return [] if self._shadow else self.settings.warnings()
+
     def _unmet(self, vehicle: VehicleState) -> list[str]:
         unmet = unmet_checks(vehicle, self._mission, may_fly=self._shadow)
         if self._shadow:

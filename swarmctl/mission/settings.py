@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
+
 from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
-from swarmctl.mission.failsafes import OPTIONAL, Craft, Unsafe, parameters_of, unsafe
+from swarmctl.mission.failsafes import (
+    Craft,
+    Unsafe,
+    advised_of,
+    parameters_of,
+    required_of,
+    unsafe,
+)
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.model import Mission
+from swarmctl.mission.parameter_rules import Demands, Weight
 
 ASK_AGAIN_S = 6.0
 """What is not known or not set this long after it was asked for is asked for again."""
+TIMES_ASKED = 2
+"""Questions, of four tries each, that a parameter a flight may do without is worth. Over a radio
+that loses every fifth packet either way, one in 3500 is then missed; what must be known is not."""
 RESTORE_TIMEOUT_S = 20.0
 """A vehicle that has not taken its old values this long is left with the new ones."""
 
@@ -28,6 +42,7 @@ class Settings:
         self._mission = mission
         self._fleet = fleet
         self._asked_at: dict[tuple[int, str], float] = {}
+        self._times_asked: Counter[tuple[int, str]] = Counter()
         self._restoring_since: float | None = None
         self.changed: dict[tuple[int, str], ParameterValue] = {}
 
@@ -40,15 +55,17 @@ class Settings:
             now: Controller's time, s.
             may_set: Whether the vehicles are ready but for this.
         """
-        commands: list[Command] = [
-            ReadParameter(sysid=vehicle.sysid, parameter=name)
-            for vehicle in self._fleet.vehicles.values()
-            for name in missing(vehicle)
-            if self._is_due(vehicle.sysid, name, now)
-        ]
+        commands: list[Command] = []
+        for vehicle in self._fleet.vehicles.values():
+            for name in self._missing(vehicle):
+                if self._is_due(vehicle.sysid, name, now):
+                    self._times_asked[vehicle.sysid, name] += 1
+                    commands.append(ReadParameter(sysid=vehicle.sysid, parameter=name))
         if not (may_set and self._mission.swarm.set_failsafes):
             return commands
         for fault in self.faults():
+            if fault.weight is Weight.KNOWN:
+                continue
             vehicle = self._fleet.vehicles[fault.sysid]
             key = (fault.sysid, fault.parameter)
             # Before the question of what it is has been answered, nothing is due here.
@@ -62,7 +79,7 @@ class Settings:
 
     def unmet(self, vehicle: VehicleState) -> list[str]:
         """What keeps a vehicle on the ground, as sentences' middles; empty when nothing does."""
-        names = missing(vehicle)
+        names = self._missing(vehicle)
         if names:
             return [f"it has not told its {', '.join(names)}"]
         return [
@@ -74,7 +91,7 @@ class Settings:
     def faults(self) -> list[Unsafe]:
         """What is unsafe, once every vehicle has told all."""
         vehicles = list(self._fleet.vehicles.values())
-        if any(missing(v) or v.launch_enu is None for v in vehicles):
+        if any(self._missing(v) or v.launch_enu is None for v in vehicles):
             return []
         ground = self._mission.origin.alt_amsl_m
         limits = self._mission.limits
@@ -92,7 +109,9 @@ class Settings:
                 and v.launch_enu is not None
                 and parameters_of(v.heartbeat.autopilot)
             ],
-            gcs_sysid=self._mission.swarm.gcs_sysid,
+            demands=Demands(
+                self._mission.swarm.gcs_sysid, limits.max_speed_mps, limits.max_acceleration_mps2
+            ),
             separation_m=limits.min_separation_m,
             ceiling_amsl_m=limits.ceiling_amsl_m,
         )
@@ -101,21 +120,39 @@ class Settings:
         """Why the swarm must not fly as its vehicles are set; None if it may."""
         if self._mission.swarm.set_failsafes:
             return None
-        alike: dict[str, list[str]] = {}
-        for fault in self.faults():
-            alike.setdefault(self._verdict(fault), []).append(f"{fault.sysid}")
-        if not alike:
+        verdicts = self._verdicts([f for f in self.faults() if f.weight is Weight.MUST])
+        if not verdicts:
             return None
-        parts = (f"{_vehicles(sysids)}: {verdict}" for verdict, sysids in alike.items())
         return (
-            f"{'; '.join(parts)}. Set these on the vehicles, or let swarmctl set them for the"
-            " flight with swarm.set_failsafes: true"
+            f"{'; '.join(verdicts)}. Set these on the vehicles, or let swarmctl set them for the"
+            " flight with --set-failsafes or, in the mission, swarm.set_failsafes: true"
         )
+
+    def warnings(self) -> list[str]:
+        """What else the operator should know of how the vehicles are set, once all is read."""
+        untold = [
+            f"vehicle {vehicle.sysid} has not told its {name}: nobody looked at what it is"
+            for vehicle in self._fleet.vehicles.values()
+            if vehicle.heartbeat is not None
+            for name in sorted(advised_of(vehicle.heartbeat.autopilot))
+            if name not in vehicle.known_parameters
+        ]
+        return [*untold, *self._verdicts([f for f in self.faults() if f.weight is not Weight.MUST])]
+
+    def _verdicts(self, faults: list[Unsafe]) -> list[str]:
+        """A clause for each fault, for all vehicles that have it."""
+        alike: dict[str, list[str]] = {}
+        for fault in faults:
+            alike.setdefault(self._verdict(fault), []).append(f"{fault.sysid}")
+        return [f"{_vehicles(sysids)}: {verdict}" for verdict, sysids in alike.items()]
 
     def _verdict(self, fault: Unsafe) -> str:
         told = self._fleet.vehicles[fault.sysid].parameters[fault.parameter]
         is_, right = fault.value / told.own_unit, fault.right / told.own_unit
-        return f"{told.own_name} is {is_:g}, and should be {right:g} ({fault.why})"
+        if math.isnan(right):
+            return f"{told.own_name} is {is_:g}, {fault.why}"
+        ought = "should" if fault.weight is Weight.MUST else "had better"
+        return f"{told.own_name} is {is_:g}, and {ought} be {right:g} ({fault.why})"
 
     # --- After the flight ------------------------------------------------------------
 
@@ -151,6 +188,23 @@ class Settings:
         was = self.changed[sysid, name]
         return since is None or told.received_s < since or told.value != was.value
 
+    def _missing(self, vehicle: VehicleState) -> list[str]:
+        """Parameters that are looked at and that the vehicle may still tell."""
+        if vehicle.heartbeat is None:
+            return []
+        autopilot, known = vehicle.heartbeat.autopilot, vehicle.known_parameters
+        required = required_of(autopilot)
+        return [
+            name
+            for name in parameters_of(autopilot)
+            if name not in known
+            and (
+                name in required
+                or name not in vehicle.parameters
+                or self._times_asked[vehicle.sysid, name] < TIMES_ASKED
+            )
+        ]
+
     def _is_due(self, sysid: int, name: str, now: float) -> bool:
         asked = self._asked_at.get((sysid, name))
         if asked is not None and now < asked + ASK_AGAIN_S:
@@ -166,12 +220,3 @@ def _vehicles(sysids: list[str]) -> str:
 def _own(told: ParameterValue) -> float:
     """A known parameter's value in the vehicle's own unit."""
     return (told.value or 0.0) / told.own_unit
-
-
-def missing(vehicle: VehicleState) -> list[str]:
-    """Parameters that decide and that the vehicle has not told."""
-    if vehicle.heartbeat is None:
-        return []
-    names = parameters_of(vehicle.heartbeat.autopilot)
-    known = vehicle.known_parameters.keys() | (OPTIONAL & vehicle.parameters.keys())
-    return [name for name in names if name not in known]

@@ -54,6 +54,7 @@ async def fly(
     speedup: float = 1.0,
     seed: int | None = None,
     shadow: bool = False,
+    set_failsafes: bool = False,
     on_snapshot: Callable[[Snapshot], None] | None = None,
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 1.0,
@@ -70,6 +71,8 @@ async def fly(
         speedup: Seconds of mission time per second; 1 for real vehicles.
         seed: Stamped on the results of a simulated flight.
         shadow: Compute and record every command, but send only requests for information.
+        set_failsafes: The operator's consent to set the vehicles' failsafes for the flight,
+            whatever the mission says.
         on_snapshot: Called every ``snapshot_every_s`` of wall time.
         on_notice: Called with each sentence for the operator.
         snapshot_every_s: See ``on_snapshot``, s of wall time.
@@ -82,6 +85,9 @@ async def fly(
         AbandonedError: If the operator left the swarm in flight.
     """
     mission = load_mission(mission_path)
+    if set_failsafes:
+        consenting = mission.swarm.model_copy(update={"set_failsafes": True})
+        mission = mission.model_copy(update={"swarm": consenting})
     address = BrokerAddress.parse(broker or mission.feed.broker)
     links = mission.swarm.link
     loop = asyncio.get_running_loop()

@@ -39,11 +39,12 @@ READY = "simulating"
 LISTEN = "udpin://127.0.0.1:14600"
 """Where the receivers of vehicles that others fly hear their MAVLink."""
 
-SPEED_PARAMETERS = {
-    "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0)),
+OWNERS_PARAMETERS = {
+    "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0), ("BATT_FS_LOW_ACT", 2.0)),
     "px4": (("MPC_XY_VEL_MAX", 15.0),),
 }
-"""What the owner of the simulated vehicles has set: as fast as their airframe can."""
+"""What the owner of the simulated vehicles has set: as fast as their airframe can, and home on a
+low battery."""
 
 
 def sim_config(
@@ -78,7 +79,7 @@ def sim_config(
                 launch_lon_rad=lon,
                 launch_alt_amsl_m=alt,
                 autopilot=section.autopilot,
-                parameters=SPEED_PARAMETERS[section.autopilot],
+                parameters=OWNERS_PARAMETERS[section.autopilot],
                 signing_key=other_key if kind == "other_key" else key,
                 full_boot=section.full_boot,
                 clock=clock,

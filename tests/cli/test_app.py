@@ -135,13 +135,15 @@ def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto
 
 
 def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_path: Path) -> None:
-    mission = str(short_mission())
+    # The consent that the mission does not give comes with the command.
+    mission = str(short_mission(swarm__set_failsafes=False))
     out = tmp_path / "out"
     simulator = Command("sim", mission, "--speedup", SPEEDUP, cwd=tmp_path)
     simulator.until("simulating 4 vehicles")
     code, _, errors = swarmctl(
-        "run", mission, "--headless", "--speedup", SPEEDUP, "--out", str(out), cwd=tmp_path
-    )
+        "run", mission, "--headless", "--speedup", SPEEDUP, "--out", str(out), "--set-failsafes",
+        cwd=tmp_path,
+    )  # fmt: skip
     simulator.interrupt()
     assert simulator.end()[0] == 0
     assert code == 0, errors

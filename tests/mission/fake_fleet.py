@@ -54,12 +54,28 @@ ARDUPILOT_SAFE = {
     "FS_GCS_TIMEOUT": 10.0,
     "MAV_GCS_SYSID": 245.0,
     "RTL_ALT_M": 0.0,
+    "RTL_CLIMB_MIN_M": 0.0,
+    "FS_EKF_ACTION": 1.0,
+    "GUID_OPTIONS": 0.0,
+    "WP_SPD": 20.0,
+    "WP_ACC": 5.0,
+    "FS_OPTIONS": 16.0,
+    "FS_THR_ENABLE": 0.0,
+    "BATT_FS_LOW_ACT": 2.0,
+    "BATT_FS_CRT_ACT": 1.0,
+    "BATT_LOW_VOLT": 10.5,
+    "BATT_LOW_MAH": 0.0,
 }
 PX4_SAFE = {
     "NAV_DLL_ACT": 2.0,
     "COM_OBL_RC_ACT": 5.0,
     "COM_OF_LOSS_T": 1.0,
     "RTL_RETURN_ALT": 0.0,
+    "NAV_RCL_ACT": 2.0,
+    "COM_RCL_EXCEPT": 4.0,
+    "COM_RC_IN_MODE": 3.0,
+    "COM_LOW_BAT_ACT": 3.0,
+    "MPC_XY_VEL_MAX": 20.0,
 }
 
 

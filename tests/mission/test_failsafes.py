@@ -6,15 +6,13 @@ import math
 
 import pytest
 
-from swarmctl.mission.failsafes import Craft, parameters_of, unsafe
+from swarmctl.mission.failsafes import Craft, advised_of, parameters_of, required_of, unsafe
+from swarmctl.mission.parameter_rules import Demands, Weight
+from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE
 
-COPTER = {
-    "FS_GCS_ENABLE": 1.0,
-    "FS_GCS_TIMEOUT": 10.0,
-    "MAV_GCS_SYSID": 245.0,
-    "RTL_ALT_M": 15.0,
-}
-PX4 = {"NAV_DLL_ACT": 2.0, "COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 1.0, "RTL_RETURN_ALT": 30.0}
+COPTER = ARDUPILOT_SAFE | {"RTL_ALT_M": 15.0}
+PX4 = PX4_SAFE | {"RTL_RETURN_ALT": 30.0}
+DEMANDS = Demands(gcs_sysid=245, speed_mps=7.3, acceleration_mps2=1.5)
 GROUND_M = 50.0
 
 
@@ -24,7 +22,7 @@ def craft(sysid: int, above_home_m: float, values: dict[str, float]) -> Craft:
 
 
 def judged(*crafts: Craft) -> list[tuple[int, str, float]]:
-    found = unsafe(crafts, gcs_sysid=245, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
+    found = unsafe(crafts, demands=DEMANDS, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
     return [(fault.sysid, fault.parameter, fault.right) for fault in found]
 
 
@@ -33,6 +31,8 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
     values = COPTER if autopilot == "ardupilot" else PX4
     assert set(parameters_of(autopilot)) == set(values)
     assert parameters_of("other") == ()
+    assert not required_of("other")
+    assert not advised_of("other")
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,25 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
         (COPTER, "FS_GCS_TIMEOUT", 120.0, 10.0),
         (COPTER, "MAV_GCS_SYSID", 245.0, None),
         (COPTER, "MAV_GCS_SYSID", 255.0, 245.0),  # QGroundControl's silence
+        (COPTER, "RTL_CLIMB_MIN_M", -1.0, None),
+        (COPTER, "RTL_CLIMB_MIN_M", 5.0, 0.0),
+        (COPTER, "FS_EKF_ACTION", 3.0, None),
+        (COPTER, "FS_EKF_ACTION", 0.0, 1.0),  # flies on
+        (COPTER, "FS_EKF_ACTION", 2.0, 1.0),  # by a stick
+        (COPTER, "GUID_OPTIONS", 64.0, None),  # waypoint navigation for bare positions
+        (COPTER, "GUID_OPTIONS", 113.0, 65.0),  # neither position nor velocity is held
+        (COPTER, "GUID_OPTIONS", math.nan, 0.0),
+        (COPTER, "WP_SPD", 7.3 * (1.0 - 1e-7), None),  # as 730 cm/s in a float of 32 bits
+        (COPTER, "WP_SPD", 7.2, 8.0),
+        (COPTER, "WP_SPD", math.nan, 8.0),
+        (COPTER, "BATT_FS_LOW_ACT", 5.0, 2.0),  # the motors stop
+        (COPTER, "BATT_FS_CRT_ACT", 5.0, 1.0),
+        (COPTER, "BATT_FS_CRT_ACT", 0.0, None),
+        (PX4, "NAV_RCL_ACT", 0.0, None),
+        (PX4, "NAV_RCL_ACT", 5.0, 2.0),  # terminates the flight
+        (PX4, "NAV_RCL_ACT", 6.0, 2.0),  # stops the motors
+        (PX4, "MPC_XY_VEL_MAX", 7.3, None),
+        (PX4, "MPC_XY_VEL_MAX", 5.0, 8.0),
         (PX4, "NAV_DLL_ACT", 2.0, None),
         (PX4, "NAV_DLL_ACT", 0.0, 2.0),  # off
         (PX4, "NAV_DLL_ACT", 1.0, 2.0),  # hovers for ever
@@ -68,6 +87,45 @@ def test_each_parameter(
 ) -> None:
     expected = [] if right is None else [(7, parameter, right)]
     assert judged(craft(7, 40.0, values | {parameter: value})) == expected
+
+
+@pytest.mark.parametrize(
+    ("values", "changed", "right", "weight"),
+    [
+        # Nothing acts on the loss of a remote control.
+        (COPTER, {"FS_THR_ENABLE": 0.0, "FS_OPTIONS": 16.0}, None, None),
+        (COPTER, {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 16.0}, ("FS_OPTIONS", 20.0), Weight.BETTER),
+        (COPTER, {"FS_THR_ENABLE": 3.0, "FS_OPTIONS": 20.0}, None, None),
+        (COPTER, {"WP_ACC": 1.0}, ("WP_ACC", 2.0), Weight.BETTER),
+        (COPTER, {"BATT_FS_LOW_ACT": 0.0}, ("BATT_FS_LOW_ACT", 2.0), Weight.KNOWN),
+        (COPTER, {"BATT_FS_LOW_ACT": 1.0}, ("BATT_FS_LOW_ACT", 2.0), Weight.KNOWN),
+        (COPTER, {"BATT_LOW_VOLT": 0.0, "BATT_LOW_MAH": 500.0}, None, None),
+        (COPTER, {"BATT_LOW_VOLT": 0.0}, ("BATT_LOW_VOLT", math.nan), Weight.KNOWN),
+        (PX4, {"COM_RCL_EXCEPT": 0.0, "COM_RC_IN_MODE": 4.0}, None, None),
+        (PX4, {"COM_RCL_EXCEPT": 1.0}, ("COM_RCL_EXCEPT", 5.0), Weight.BETTER),
+        (PX4, {"COM_LOW_BAT_ACT": 0.0}, ("COM_LOW_BAT_ACT", 3.0), Weight.BETTER),
+        (PX4, {"COM_LOW_BAT_ACT": 2.0}, ("COM_LOW_BAT_ACT", 3.0), Weight.BETTER),
+    ],
+)
+def test_what_a_flight_may_do_without(
+    values: dict[str, float],
+    changed: dict[str, float],
+    right: tuple[str, float] | None,
+    weight: Weight | None,
+) -> None:
+    found = unsafe(
+        [craft(7, 40.0, values | changed)],
+        demands=DEMANDS,
+        separation_m=8.0,
+        ceiling_amsl_m=GROUND_M + 100.0,
+    )
+    if right is None:
+        assert found == []
+        return
+    (fault,) = found
+    assert fault.weight is weight
+    assert fault.parameter == right[0]
+    assert fault.right == pytest.approx(right[1], nan_ok=True)
 
 
 @pytest.mark.parametrize(("name", "values"), [("RTL_ALT_M", COPTER), ("RTL_RETURN_ALT", PX4)])

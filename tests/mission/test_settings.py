@@ -12,6 +12,7 @@ from swarmctl.events import (
     Notice,
     OperatorRequest,
     ParameterValue,
+    ReadParameter,
     WriteParameter,
 )
 from swarmctl.mission.loading import parse_mission
@@ -59,7 +60,8 @@ def test_unsafe_vehicles_are_refused_with_what_would_be_right() -> None:
         "vehicles 3, 4: FS_GCS_ENABLE is 0, and should be 1 (it returns home when its ground"
         " station falls silent); vehicle 3: MAV_GCS_SYSID is 255, and should be 245 (this"
         " controller is the ground station it listens for). Set these on the vehicles, or let"
-        " swarmctl set them for the flight with swarm.set_failsafes: true"
+        " swarmctl set them for the flight with --set-failsafes or, in the mission,"
+        " swarm.set_failsafes: true"
     )
     assert writes(refused) == []
     assert not any(isinstance(c, Arm) for c in refused.commands)
@@ -197,6 +199,54 @@ def test_a_parameter_that_older_firmware_does_not_have_is_not_missed() -> None:
     assert flown.fleet.vehicles[2].parameters.pop("FS_GCS_TIMEOUT")
     flown.run("launching")
     assert texts(flown, "warning") == []
+
+
+HANDS_OFF = {"FS_THR_ENABLE": 1.0, "BATT_FS_LOW_ACT": 0.0}
+
+
+def test_what_had_better_be_set_is_said_once_for_all_and_does_not_keep_the_swarm_down() -> None:
+    flown = flight(set_failsafes=False)
+    for sysid in (1, 3):
+        flown.fleet.vehicles[sysid].parameters |= HANDS_OFF
+    flown.run("launching")
+    assert texts(flown, "warning") == [
+        "vehicles 1, 3: FS_OPTIONS is 16, and had better be 20 (in GUIDED it flies on when it"
+        " loses a remote control)",
+        "vehicles 1, 3: BATT_FS_LOW_ACT is 0, and had better be 2 (it returns home by itself when"
+        " its battery is low)",
+    ]
+    assert writes(flown) == []
+
+
+def test_with_consent_it_is_set_unless_it_depends_on_the_vehicle() -> None:
+    flown = flight(set_failsafes=True)
+    before = flown.fleet.vehicles[3].parameters | HANDS_OFF | {"BATT_LOW_VOLT": 0.0}
+    flown.fleet.vehicles[3].parameters = before.copy()
+    flown.run("launching")
+    assert writes(flown) == [(3, "FS_OPTIONS", 20.0)]
+    assert texts(flown, "warning") == [
+        "vehicle 3: BATT_FS_LOW_ACT is 0, and had better be 2 (it returns home by itself when its"
+        " battery is low)",
+        "vehicle 3: BATT_LOW_VOLT is 0, and BATT_LOW_MAH, too, so its own battery failsafe never"
+        " acts",
+    ]
+    flown.run("ended")
+    assert flown.fleet.vehicles[3].parameters == before
+
+
+def test_what_a_flight_may_do_without_is_asked_for_twice_and_then_said() -> None:
+    flown = flight(set_failsafes=True)
+    del flown.fleet.vehicles[2].parameters["BATT_FS_LOW_ACT"]
+    flown.run("ended")
+    assert ended(flown).detail == "vehicle 2: it has not told its BATT_FS_LOW_ACT"
+    flown = flight(set_failsafes=True)
+    del flown.fleet.vehicles[2].parameters["BATT_LOW_VOLT"]
+    flown.run("launching")
+    asked = [c for c in flown.commands if isinstance(c, ReadParameter)]
+    assert sum(c.sysid == 2 and c.parameter == "BATT_LOW_VOLT" for c in asked) == 2
+    assert texts(flown, "warning") == [
+        "vehicle 2 has not told its BATT_LOW_VOLT: nobody looked at what it is"
+    ]
 
 
 def test_a_vehicle_that_tells_no_parameter_is_not_flown() -> None:

@@ -56,13 +56,19 @@ def test_the_mission_completes_and_each_command_is_executed_once(
     for tap in (down, up):  # 5 standard deviations of the binomial counts
         expected = tap.sent * 0.8 * 1.05
         assert abs(tap.delivered - expected) < 5.0 * (tap.sent * 0.25) ** 0.5
-    # Some commands were sent again, or this flight would show nothing.
+    # Some of those that fly it were sent again, or this flight would show nothing: of sixteen,
+    # each is answered at once with probability 0.64.
     repeated: Counter[int] = Counter()
     for _, data in up.said:
         message = unpack(data)
         if message.get_type() == "COMMAND_LONG" and message.confirmation > 0:
             repeated[message.command] += 1
-    assert {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_TAKEOFF} <= repeated.keys()
+    flying = {
+        mavlink.MAV_CMD_DO_SET_MODE,
+        mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+    }
+    assert flying & repeated.keys()
     # What each vehicle did, in its own words as they left it.
     for sysid in (1, 2, 3, 4):
         messages = [unpack(data) for i, data in down.said if i == sysid]

@@ -64,6 +64,9 @@ _EARLIER_SPELLINGS = {
     "MAV_SYSID": Spelling("SYSID_THISMAV"),
     "MAV_GCS_SYSID": Spelling("SYSID_MYGCS"),
     "RTL_ALT_M": Spelling("RTL_ALT", 0.01),
+    "RTL_CLIMB_MIN_M": Spelling("RTL_CLIMB_MIN", 0.01),
+    "WP_SPD": Spelling("WPNAV_SPEED", 0.01),
+    "WP_ACC": Spelling("WPNAV_ACCEL", 0.01),
 }
 """What firmware before 4.7 calls a parameter."""
 
