@@ -126,6 +126,7 @@ _SHOWN = (
     ("faster than real time", "times_real_time", "{:.1f} x"),
     ("first estimate after", "first_estimate_s", "{:.2f} s"),
     ("range differences rejected", "share_rejected", "{:.1%}"),
+    ("left out: repeated", "repeated", "{}"),
     ("left out: no receiver position", "without_receiver_position", "{}"),
     ("begun again", "restarts", "{}"),
     ("mean NIS per row (1 is right)", "mean_nis", "{:.2f}"),
@@ -150,4 +151,9 @@ def _print(found: dict[str, object]) -> None:
     if isinstance(health, dict):
         for status, share in health.items():
             shown.add_row(status, f"{share:.1%}")
-    Console(highlight=False).print(shown)
+    console = Console(highlight=False)
+    console.print(shown)
+    wrong = found["wrong"]
+    if isinstance(wrong, list):
+        for what in wrong:
+            console.print(f"{what['share']:.1%} of the time: {what['sentence']}", markup=False)

@@ -12,6 +12,7 @@ the receivers' reported positions at that epoch, and put together from
 ``mixture``           all modes and models of motion, and what is known by them
 ``robust``            echoes set aside
 ``manoeuvre``         an emitter that turns or stops
+``repetition``        copies of earlier rows, which are no measurements
 ``health``            whether all this may be believed
 ====================  ====================================================================
 
@@ -36,11 +37,12 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation.acquisition import distinct, is_ready, search
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.health import Health, Verdict
+from swarmctl.estimation.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.initial import Prior, is_wide
 from swarmctl.estimation.manoeuvre import Manoeuvre, matched
 from swarmctl.estimation.mixture import Estimate, Limits, Mixture, Model, is_probable
 from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.estimation.repetition import Repetition
 from swarmctl.estimation.robust import screen
 from swarmctl.estimation.window import Fit, Window
 
@@ -66,6 +68,7 @@ class Estimator:
         verdict: Health after the newest rows.
         used: Rows used.
         aside: Rows set aside as echoes.
+        repeated: Rows left out as copies of earlier ones.
         innovation: Of the newest rows less those set aside, whitened, (k,): independent unit
             normal numbers if all is right. Empty while rows are collected.
 
@@ -106,6 +109,8 @@ class Estimator:
         self._capacity = capacity
         self.used = 0
         self.aside = 0
+        self.repeated = 0
+        self._repetition = Repetition(ALARM)
         self.epoch_s = -math.inf
         self._begin_again()
 
@@ -142,6 +147,13 @@ class Estimator:
             EstimationError: The rows' numbers have no finite result: :meth:`restart`.
         """
         try:
+            copies = self._repetition.add(rows)
+            if copies.any():
+                self.repeated += int(copies.sum())
+                rows = rows.where(~copies)
+            if not len(rows.rd):
+                self._coast(rows.epoch_s)
+                return self._mixture is not None
             if self._mixture is None and self._window is None:
                 self._begin(rows)
             if self._mixture is not None:
@@ -279,6 +291,21 @@ class Estimator:
 
     # --- Going on ----------------------------------------------------------------------
 
+    def _coast(self, epoch_s: float) -> None:
+        """Let time pass without a measurement."""
+        if self._mixture is None:
+            return
+        if epoch_s > self.epoch_s:
+            self._mixture.predict(epoch_s - self.epoch_s)
+            self.epoch_s = epoch_s
+        self._judge((), np.zeros(0), 0, ())
+
+    def _judge(self, pairs: Pairs, white: Array, rows_aside: int, aside: Ids) -> None:
+        self.innovation = white
+        self.verdict = self._health.add(
+            self.epoch_s, pairs, white, rows_aside, aside, self._repetition.sigmas
+        )
+
     def _advance(self, mixture: Mixture, rows: Rows) -> None:
         mixture.admit(rows)
         dt = rows.epoch_s - self.epoch_s
@@ -305,11 +332,9 @@ class Estimator:
         self.aside += len(kept) - count
         good = rows if count == len(kept) else rows.where(kept)
         root = np.linalg.cholesky(S[np.ix_(kept, kept)])
-        self.innovation = white = np.linalg.solve(root, nu[kept])
+        white = np.linalg.solve(root, nu[kept])
         pairs = tuple(zip(good.first, good.second, strict=True))
-        self.verdict = self._health.add(
-            self.epoch_s, pairs, white, len(kept) - count, screened.aside
-        )
+        self._judge(pairs, white, len(kept) - count, screened.aside)
         if window is None:
             if not self.is_resolved:
                 mixture.compare(likelihood)

@@ -13,7 +13,7 @@ from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.estimator import Estimate, Estimator
-from swarmctl.estimation.health import Status, Verdict
+from swarmctl.estimation.health import Verdict
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.recordings.plain_ekf import PlainEkf
@@ -122,6 +122,7 @@ class Filter(Protocol):
     verdict: Verdict
     used: int
     aside: int
+    repeated: int
 
     def update(self, rows: Rows) -> bool:
         """Take the rows of an epoch; is there an estimate?"""
@@ -147,15 +148,13 @@ class Step(NamedTuple):
         epoch_s: s.
         x: Position and velocity, (6,), SI; None while there is no estimate.
         P: Its covariance, (6, 6).
-        nis: Mean squared whitened innovation of the last three seconds: 1 is right.
-        status: Health.
+        verdict: Health.
     """
 
     epoch_s: float
     x: Array | None
     P: Array
-    nis: float
-    status: Status
+    verdict: Verdict
 
 
 @dataclass
@@ -168,6 +167,7 @@ class Counts:
         restarts: How often the track was begun again after it had diverged.
         used: Used.
         aside: Set aside as echoes.
+        repeated: Left out as copies of earlier ones.
     """
 
     epochs: int = 0
@@ -175,6 +175,7 @@ class Counts:
     restarts: int = 0
     used: int = 0
     aside: int = 0
+    repeated: int = 0
 
 
 def prior_of(settings: Settings, receivers_at: Array) -> Prior:
@@ -238,18 +239,16 @@ def track(
             for part in _parts(rows, settings.rho):
                 there = found.update(part)
             best = found.estimates()[0] if there else None
-        except (EstimationError, np.linalg.LinAlgError):  # no finite result: begin again
+        except EstimationError:  # no finite result: begin again
             best, failed = None, True
         else:
             failed = found.verdict.status == "diverged"
-        counts.used, counts.aside = found.used, found.aside
-        verdict = found.verdict
+        counts.used, counts.aside, counts.repeated = found.used, found.aside, found.repeated
         yield Step(
             epoch.epoch_s,
             None if best is None else best.x,
             np.zeros((6, 6)) if best is None else best.P,
-            verdict.nis,
-            verdict.status,
+            found.verdict,
         )
         if failed:
             counts.restarts += 1

@@ -14,9 +14,10 @@ import numpy as np
 from swarmctl.estimation import augmented
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.estimator import Estimate
-from swarmctl.estimation.health import Health, Verdict
+from swarmctl.estimation.health import ALARM, Health, Verdict
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
+from swarmctl.estimation.repetition import Repetition
 from swarmctl.estimation.robust import screen
 
 _WHITE = ReceiverErrors()
@@ -29,6 +30,7 @@ class PlainEkf:
         verdict: Health after the newest rows.
         used: Rows used.
         aside: Rows set aside as echoes.
+        repeated: 0: it uses copies of earlier rows, and its health names them.
 
     Args:
         prior: Of position and velocity, d axes each, at the first epoch.
@@ -40,6 +42,8 @@ class PlainEkf:
         self._layout = _WHITE.layout(self._psd.size)
         self.used = 0
         self.aside = 0
+        self.repeated = 0
+        self._repetition = Repetition(ALARM)
         self.restart(prior)
 
     def restart(self, prior: Prior) -> None:
@@ -60,6 +64,7 @@ class PlainEkf:
         """
         dt = 0.0 if self._epoch_s is None else rows.epoch_s - self._epoch_s
         self._epoch_s = rows.epoch_s
+        self._repetition.add(rows)
         x, P = predict(self._x, self._P, dt, self._psd, _WHITE, self._layout)
         first = augmented.innovate(x, P, rows, {}, self._layout)
         screened = screen(first.nu, first.S, rows)
@@ -75,7 +80,12 @@ class PlainEkf:
         white = np.linalg.solve(root, first.nu[kept])
         pairs = tuple(zip(good.first, good.second, strict=True))
         self.verdict = self._health.add(
-            rows.epoch_s, pairs, white, len(kept) - count, screened.aside
+            rows.epoch_s,
+            pairs,
+            white,
+            len(kept) - count,
+            screened.aside,
+            self._repetition.sigmas,
         )
         return True
 

@@ -31,6 +31,7 @@ COLUMNS = (
     *(f"cov_{_STATES[i]}_{_STATES[j]}" for i, j in zip(*_UPPER, strict=True)),
     "nis",
     "health",
+    "cause",
 )
 """Of ``estimates.csv``. Covariances in m², m²/s and m²/s²; empty while there is no estimate."""
 
@@ -86,6 +87,7 @@ def run(
         "receivers": len(receivers.names),
         "assumed": asdict(settings),
         **judged.summary(counts, time.perf_counter() - begin_s),
+        "wrong": judged.wrong(receivers.names),
     }
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     from swarmctl.recordings.pictures import write_pictures  # noqa: PLC0415 - loads matplotlib
@@ -98,8 +100,10 @@ def _cells(steps: Iterator[Step], judged: Judged) -> Iterator[list[str]]:
     for step in steps:
         judged.add(step)
         time_s = f"{step.epoch_s:.15g}"
+        verdict = step.verdict
+        health = [verdict.status, verdict.cause or ""]
         if step.x is None:
-            yield [time_s, *[""] * (len(COLUMNS) - 2), step.status]
+            yield [time_s, *[""] * (len(COLUMNS) - 3), *health]
         else:
-            numbers = [*step.x, *step.P[_UPPER], step.nis]
-            yield [time_s, *(f"{number:.7g}" for number in numbers), step.status]
+            numbers = [*step.x, *step.P[_UPPER], verdict.nis]
+            yield [time_s, *(f"{number:.7g}" for number in numbers), *health]

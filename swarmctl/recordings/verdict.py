@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.consistency import nees
+from swarmctl.estimation.health import Cause, Verdict, sentence
 from swarmctl.recordings.pass_through import Counts, Step
 from swarmctl.recordings.recording import Path3D
 
@@ -62,7 +63,27 @@ class Judged:
     @property
     def status(self) -> list[str]:
         """Health after each epoch."""
-        return [step.status for step in self._steps]
+        return [step.verdict.status for step in self._steps]
+
+    def wrong(self, names: Sequence[str]) -> list[dict[str, object]]:
+        """What was wrong, for how much of the time, since when, and as a sentence; longest first.
+
+        Args:
+            names: Of the receivers, by id.
+        """
+        found: dict[Cause, list[tuple[float, Verdict]]] = {}
+        for step in self._steps:
+            if step.verdict.cause is not None:
+                found.setdefault(step.verdict.cause, []).append((step.epoch_s, step.verdict))
+        return [
+            {
+                "cause": cause,
+                "share": len(when) / len(self._steps),
+                "first_s": when[0][0],
+                "sentence": sentence(when[len(when) // 2][1], lambda r: names[r]),
+            }
+            for cause, when in sorted(found.items(), key=lambda item: -len(item[1]))
+        ]
 
     def series(self) -> Series:
         """What the estimates were, where there were any."""
@@ -71,7 +92,7 @@ class Judged:
         P = np.array([self._steps[k].P for k in there]).reshape(-1, 6, 6)
         true = np.array([self._true[k] for k in there]).reshape(-1, 3)
         time = np.array([self._steps[k].epoch_s for k in there])
-        nis = np.array([self._steps[k].nis for k in there])
+        nis = np.array([self._steps[k].verdict.nis for k in there])
         error = (x[:, :3] - true)[:, : self.dof]
         covariance = P[:, : self.dof, : self.dof]
         known = np.isfinite(error[:, 0])
@@ -101,6 +122,7 @@ class Judged:
             "used": counts.used,
             "rejected": counts.aside,
             "share_rejected": counts.aside / measured if measured else None,
+            "repeated": counts.repeated,
             "without_receiver_position": counts.unplaced,
             "restarts": counts.restarts,
             "mean_nis": float(series.nis.mean()) if len(series.nis) else None,

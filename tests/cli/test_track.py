@@ -90,6 +90,22 @@ def test_bad_arguments_are_a_sentence(
     assert done.stderr.strip() == sentence
 
 
+def test_a_feed_that_is_replayed_is_said_at_the_end_and_in_the_summary(room: Path) -> None:
+    lines = (room / "measurements.csv").read_text(encoding="utf-8").splitlines()
+    for k in range(501, len(lines)):  # the last second again, with new times
+        lines[k] = lines[k].split(",")[0] + "," + lines[k - 200].split(",", 1)[1]
+    (room / "measurements.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    done = track(cwd=room)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((room / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["wrong"][0]["cause"] == "repeated"
+    assert summary["repeated"] > 0
+    said = " ".join(done.stdout.split())
+    assert f"of the time: {summary['wrong'][0]['sentence']}" in said
+    rows = (room / "out" / "estimates.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[-1].endswith("degraded,repeated")
+
+
 def test_a_bad_line_is_named_and_ends_it(room: Path) -> None:
     with (room / "measurements.csv").open("a", encoding="utf-8") as file:
         file.write("1.0,sw-low,nw-low,0.5\n")

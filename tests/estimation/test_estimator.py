@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -232,6 +233,86 @@ def test_rows_whose_covariance_is_none_are_refused() -> None:
     )
     with pytest.raises(EstimationError, match="no finite result"):
         track.update(copies)
+
+
+# --- Feeds that lie ----------------------------------------------------------------------
+
+
+def hangs(told: list[Rows], rows: Rows) -> Rows:
+    """One receiver reports its last value again and again."""
+    return rows._replace(rd=np.array([told[-1].rd[0], *rows.rd[1:]]))
+
+
+def is_constant(told: list[Rows], rows: Rows) -> Rows:
+    return rows._replace(rd=told[-1].rd)
+
+
+def is_replayed(told: list[Rows], rows: Rows) -> Rows:
+    """The last second again and again, with positions and new times."""
+    return told[-10]._replace(epoch_s=rows.epoch_s)
+
+
+def is_swapped(told: list[Rows], rows: Rows) -> Rows:
+    return rows._replace(rd=rows.rd[[1, 0, 2]])
+
+
+def jumps(told: list[Rows], rows: Rows) -> Rows:
+    """The clock of one receiver, by 100 ns."""
+    return rows._replace(rd=rows.rd + np.array([30.0, 0.0, 0.0]))
+
+
+def is_still(told: list[Rows], rows: Rows) -> Rows:
+    """The reported position of one receiver."""
+    second_at = rows.second_at.copy()
+    second_at[0] = told[-1].second_at[0]
+    return rows._replace(second_at=second_at)
+
+
+@pytest.mark.parametrize("errors", [ReceiverErrors(), REAL], ids=["good clocks", "real clocks"])
+@pytest.mark.parametrize(
+    ("lie", "cause"),
+    [
+        (hangs, "repeated"),
+        (is_constant, "repeated"),
+        (is_replayed, "repeated"),
+        (is_swapped, "rejected"),
+        (jumps, "rejected"),
+        (is_still, "rejected"),
+    ],
+)
+def test_a_feed_that_begins_to_lie_is_named_within_five_seconds(
+    errors: ReceiverErrors, lie: Callable[[list[Rows], Rows], Rows], cause: str
+) -> None:
+    run = flight(np.random.default_rng(9), errors, 11.0)
+    start = Prior(run.emitter[0], np.diag([33.0**2, 33.0**2, 10.0**2, 10.0**2]))
+    track = Estimator(start, errors, (0.01, 0.01), manoeuvre=CAR)
+    told = run.rows[:60]
+    for rows in told:
+        track.update(rows)
+    assert track.verdict.cause is None
+    for rows in run.rows[60:-1]:
+        told.append(lie(told, rows))
+        track.update(told[-1])
+        if track.verdict.cause is not None:
+            break
+    assert track.verdict.cause == cause
+    before = track.repeated + track.aside
+    track.update(lie(told, run.rows[len(told)]))
+    assert track.repeated + track.aside > before
+
+
+def test_a_constant_feed_is_not_followed() -> None:
+    """The track coasts instead, and says how little it knows."""
+    run = flight(np.random.default_rng(10), ReceiverErrors(), 16.0)
+    track = tracked(run.rows[:80], run.emitter[0])
+    for rows in run.rows[80:]:
+        track.update(is_constant(run.rows[:80], rows))
+    assert track.repeated > 3 * 75
+    found = track.estimates()[0]
+    assert found.epoch_s == 16.0
+    error = (found.x - run.emitter[-1])[:2]
+    assert nees(error, found.P[:2, :2]) < chi2.ppf(0.999, 2)
+    assert track.innovation.size == 0
 
 
 def test_a_track_begins_again_from_another_prior() -> None:

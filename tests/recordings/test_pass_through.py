@@ -136,10 +136,46 @@ def test_a_track_that_is_elsewhere_is_begun_again() -> None:
     calm = Settings(rho=0.0, colour_m=0.0, process_noise=1e-3, speed_mps=0.1)
     steps = list(track("tracker", calm, receivers, epochs, counts))
     assert counts.restarts == 1
-    assert [step.status for step in steps].count("diverged") == 1
+    assert [step.verdict.status for step in steps].count("diverged") == 1
     for step, true in ((steps[79], here), (steps[-1], there)):
         assert step.x is not None
         assert nees(step.x[:3] - true, step.P[:3, :3]) < chi2.ppf(0.999, 3)
+
+
+def test_a_recording_that_lies_is_called_so_in_words() -> None:
+    """From the middle on one receiver's rows are those of another, or the last ones again."""
+    receivers, epochs = ring(1, [np.array([3.0, 4.0, 1.0])] * 200, 0.0)
+    assumed = Settings(rho=0.0, colour_m=0.0)
+    for lie, cause, says in (
+        (hung, "repeated", "The same values come again and again"),
+        (swapped, "correlated", "check the receivers' ids"),
+    ):
+        told = [lie(epochs[100], epoch) if k > 100 else epoch for k, epoch in enumerate(epochs)]
+        judged, counts = Judged(3, None), Counts()
+        for step in track("tracker", assumed, receivers, told, counts):
+            judged.add(step)
+        (wrong,) = (w for w in judged.wrong(receivers.names) if w["cause"] == cause)
+        assert says in str(wrong["sentence"])
+        first_s = wrong["first_s"]
+        assert isinstance(first_s, float)
+        assert 5.0 < first_s < 10.0
+        assert (counts.repeated > 300) == (cause == "repeated")
+
+
+def hung(before: Epoch, epoch: Epoch) -> Epoch:
+    return Epoch(epoch.epoch_s, before.measurements)
+
+
+def swapped(before: Epoch, epoch: Epoch) -> Epoch:
+    """The ids of two receivers."""
+    other = {0: 5, 5: 0}
+    return Epoch(
+        epoch.epoch_s,
+        tuple(
+            Measurement(other.get(m.first, m.first), other.get(m.second, m.second), m.rd_m, 0.1)
+            for m in epoch.measurements
+        ),
+    )
 
 
 # --- Receivers that move -----------------------------------------------------------------
