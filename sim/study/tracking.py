@@ -230,7 +230,7 @@ def _track_run(
         degraded, was_well = degraded + (was_well and not well), well
         if math.isnan(first_s) and (estimates := track.estimates()):
             first_s, first_nees = epoch.time_s, _position_nees(estimates[0], truth)
-        if k in at and not math.isnan(first_s):
+        if k in at and track.estimates():
             found = track.predict_to(epoch.time_s)
             error[at[k]], claimed[at[k]] = found.x - truth, found.P
             resolved[at[k]] = track.is_resolved
