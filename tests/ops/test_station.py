@@ -147,9 +147,9 @@ def checked(world: World, station: Station) -> Station:
 
 
 @pytest.mark.parametrize(
-    "autopilot", [{"knows_intervals": True}, {"knows_intervals": False, "parameter_names": "4.6"}]
+    "autopilot", [{"parameter_names": "4.7"}, {"knows_intervals": False, "parameter_names": "4.6"}]
 )
-def test_firmware_that_knows_data_streams_alone_passes_the_checks_too(
+def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_alone(
     autopilot: dict[str, object],
 ) -> None:
     config = sim_config(parse_mission(short_mission_text()), 1, UTC_S)
