@@ -147,7 +147,12 @@ def checked(world: World, station: Station) -> Station:
 
 
 @pytest.mark.parametrize(
-    "autopilot", [{"parameter_names": "4.7"}, {"knows_intervals": False, "parameter_names": "4.6"}]
+    "autopilot",
+    [
+        {"parameter_names": "4.7", "parameters": ()},
+        {"parameter_names": "4.6", "parameters": (), "knows_intervals": False},
+    ],
+    ids=["4.7", "4.6 and older"],
 )
 def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_alone(
     autopilot: dict[str, object],
@@ -166,3 +171,5 @@ def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_
         # One of nine intervals may be twice as long: they begin anew when they are set.
         assert vehicle.position_hz is not None
         assert 8.9 < vehicle.position_hz < 10.2
+        # 10 m/s by default, by whatever name; the mission wants 13.
+        assert vehicle.known_parameters["WP_SPD"] == 13.0
