@@ -77,14 +77,14 @@ def required_of(autopilot: str) -> frozenset[str]:
     if autopilot not in RULES:
         return frozenset()
     rules = RULES[autopilot]
-    must = {r.parameter for r in rules if r.weight is Weight.MUST and not r.is_new}
+    must = {r.parameter for r in rules if r.weight is Weight.MUST and not r.optional}
     return frozenset(must | {RETURN_ALTITUDE[autopilot]})
 
 
 def advised_of(autopilot: str) -> frozenset[str]:
     """Names of those that a flight may do without, but not without saying so."""
-    new = {rule.parameter for rule in RULES.get(autopilot, ()) if rule.is_new}
-    return frozenset(parameters_of(autopilot)) - required_of(autopilot) - new
+    optional = {rule.parameter for rule in RULES.get(autopilot, ()) if rule.optional}
+    return frozenset(parameters_of(autopilot)) - required_of(autopilot) - optional
 
 
 def unsafe(

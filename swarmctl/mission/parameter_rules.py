@@ -53,7 +53,7 @@ class Rule:
         why: What the right value does, as a clause.
         weight: What becomes of it if it is not right.
         needs: Other parameters that ``right`` looks at.
-        is_new: Whether older firmware does not have it; what that does instead is right.
+        optional: Whether some firmware does not have it; what that does instead is right.
     """
 
     parameter: str
@@ -61,7 +61,7 @@ class Rule:
     why: str
     weight: Weight = Weight.MUST
     needs: tuple[str, ...] = ()
-    is_new: bool = False
+    optional: bool = False
 
 
 def _always(right: float) -> Right:
@@ -122,7 +122,7 @@ ARDUPILOT = (
         "FS_GCS_TIMEOUT",
         _within(10.0, 60.0, 10.0),
         "a lossy radio is no lost ground station",
-        is_new=True,
+        optional=True,
     ),
     Rule(
         "MAV_GCS_SYSID",
@@ -134,7 +134,7 @@ ARDUPILOT = (
         "RTL_CLIMB_MIN_M",
         lambda value, others, demands: value if value <= 0.0 else 0.0,
         "it returns at its own altitude, apart from the others",
-        is_new=True,
+        optional=True,
     ),
     # 0 flies on by a position that is wrong, 2 hands it to a stick that nobody holds.
     Rule(
@@ -147,7 +147,7 @@ ARDUPILOT = (
         "GUID_OPTIONS",
         _without_bits(16 | 32),
         "it keeps to the position and the velocity of our setpoints",
-        is_new=True,
+        optional=True,
     ),
     Rule("WP_SPD", _at_least(lambda demands: demands.speed_mps), _FAST_ENOUGH),
     Rule(
@@ -184,6 +184,13 @@ PX4 = (
         "COM_OBL_RC_ACT",
         _among({3.0, 5.0}, 5.0),
         "without setpoints it hovers, with or without a remote control",
+    ),
+    # Until 1.13 in place of COM_OBL_RC_ACT where no remote control is there, or none is needed.
+    Rule(
+        "COM_OBL_ACT",
+        _among({1.0, 2.0}, 1.0),
+        "without setpoints and a remote control it hovers",
+        optional=True,
     ),
     Rule(
         "COM_OF_LOSS_T",

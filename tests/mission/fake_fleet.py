@@ -69,6 +69,7 @@ ARDUPILOT_SAFE = {
 PX4_SAFE = {
     "NAV_DLL_ACT": 2.0,
     "COM_OBL_RC_ACT": 5.0,
+    "COM_OBL_ACT": 1.0,
     "COM_OF_LOSS_T": 1.0,
     "RTL_RETURN_ALT": 0.0,
     "NAV_RCL_ACT": 2.0,

@@ -76,6 +76,8 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
         (PX4, "COM_OBL_RC_ACT", 0.0, 5.0),  # position mode: sinks without a remote control
         (PX4, "COM_OBL_RC_ACT", 4.0, 5.0),  # lands at the first hiccup
         (PX4, "COM_OBL_RC_ACT", 7.0, 5.0),  # disarms
+        (PX4, "COM_OBL_ACT", 2.0, None),
+        (PX4, "COM_OBL_ACT", 0.0, 1.0),  # lands
         (PX4, "COM_OF_LOSS_T", 0.5, None),
         (PX4, "COM_OF_LOSS_T", 5.0, None),
         (PX4, "COM_OF_LOSS_T", 0.0, 1.0),

@@ -165,9 +165,14 @@ def checked(world: World, station: Station) -> Station:
 
 
 @pytest.mark.parametrize(
-    "autopilot", [{"knows_intervals": True}, {"knows_intervals": False, "parameter_names": "4.6"}]
+    "autopilot",
+    [
+        {"parameter_names": "4.7", "parameters": ()},
+        {"parameter_names": "4.6", "parameters": (), "knows_intervals": False},
+    ],
+    ids=["4.7", "4.6 and older"],
 )
-def test_firmware_that_knows_data_streams_alone_passes_the_checks_too(
+def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_alone(
     autopilot: dict[str, object],
 ) -> None:
     config = sim_config(parse_mission(short_mission_text()), 1, UTC_S)
@@ -184,3 +189,5 @@ def test_firmware_that_knows_data_streams_alone_passes_the_checks_too(
         # One of nine intervals may be twice as long: they begin anew when they are set.
         assert vehicle.position_hz is not None
         assert 8.9 < vehicle.position_hz < 10.2
+        # 10 m/s by default, by whatever name; the mission wants 13.
+        assert vehicle.known_parameters["WP_SPD"] == 13.0
