@@ -192,6 +192,8 @@ class ArduPilot(Autopilot):
 
     def _watch_fence(self) -> None:
         me, watch, notice = self._me, self._fence_watch, dialect.MAV_SEVERITY_NOTICE
+        if not self.fences() and not watch.breached:
+            return
         was_breached, beyond_m = bool(watch.breached), self._beyond_m()
         fresh = watch.look(beyond_m, me.now_s)
         if not me.armed:
