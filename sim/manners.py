@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from sim.mavlink import dialect
 from sim.modes import FlightMode
 
 
@@ -24,6 +25,17 @@ class Timeline:
     home_set_s: float
     armable_s: float
 
+
+CAPABILITIES: int = (
+    dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+)
+"""What every simulated autopilot can do, as AUTOPILOT_VERSION says it."""
 
 SHORT = Timeline(heartbeat_s=0.0, gps_fix_s=1.0, home_set_s=2.0, armable_s=4.0)
 """For who does not want to wait."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from sim.clock import Clock
 from sim.config import VehicleConfig
@@ -28,18 +29,36 @@ TOUCHDOWN_S = 1.0
 YAW_RATE_RADPS = math.radians(90.0)
 
 
+class Fitting(NamedTuple):
+    """What an autopilot is built into.
+
+    Attributes:
+        config: The UAV.
+        frame: Frame of the simulated world.
+        clock: Its clocks.
+        navigation: Error of its positions; the caller moves it on.
+        truth: True state at the start.
+    """
+
+    config: VehicleConfig
+    frame: LocalFrame
+    clock: Clock
+    navigation: PositionError
+    truth: State
+
+
 @dataclass(slots=True)
 class Onboard:
     """State of one autopilot.
 
     Attributes:
         config: The UAV.
-        manners: Those of its autopilot.
-        parameters: Its parameters.
         frame: Frame of the simulated world.
         clock: Its clocks.
         navigation: Error of its positions.
         truth: True state of the airframe.
+        manners: Those of its autopilot.
+        parameters: Its parameters.
         power_up_s: Simulation time at which it powers or powered up.
         now_s: Simulation time of ``truth``, s.
         mode: Flight mode.
@@ -65,12 +84,12 @@ class Onboard:
     """
 
     config: VehicleConfig
-    manners: Manners
-    parameters: Parameters
     frame: LocalFrame
     clock: Clock
     navigation: PositionError
     truth: State
+    manners: Manners
+    parameters: Parameters
     mode: FlightMode
     task: Task
     power_up_s: float

@@ -14,6 +14,7 @@ from sim.emitter import EmitterState
 from sim.errors import SimError
 from sim.navigation import PositionError
 from sim.noise import GaussMarkov, Normals, generator
+from sim.onboard import Fitting
 from swarmctl.frames import LocalFrame, Vector
 
 STEP_HZ = 50
@@ -68,9 +69,8 @@ class Vehicle:
         )
         self._command: Command | None = None
         clock = Clock(config.clock, sim.utc_start_s, generator(sim.seed, "clock", config.sysid))
-        self.autopilot = PERSONALITIES[config.autopilot](
-            config, frame, clock, self._navigation, self.state
-        )
+        fitting = Fitting(config, frame, clock, self._navigation, self.state)
+        self.autopilot = PERSONALITIES[config.autopilot](fitting)
 
     def advance(self, now_s: float) -> None:
         """Live through the step that ends at a simulation time (s)."""

@@ -538,7 +538,7 @@ class HealthChanged(Decision, frozen=True):
     """
 
     status: Literal["initialising", "tracking", "degraded", "diverged"]
-    cause: Literal["noise", "correlated", "rejected", "too_quiet"] | None
+    cause: Literal["noise", "correlated", "rejected", "too_quiet", "repeated"] | None
     detail: str
 
 

@@ -27,9 +27,6 @@ from sim.autopilots.ardupilot_modes import (
 )
 from sim.autopilots.ardupilot_parameters import parameters
 from sim.autopilots.autopilot import Autopilot, Request
-from sim.clock import Clock
-from sim.config import VehicleConfig
-from sim.dynamics import State
 from sim.fence import Fence
 from sim.guidance import (
     Descend,
@@ -39,15 +36,14 @@ from sim.guidance import (
     TakeOff,
     Task,
 )
-from sim.manners import Manners, Timeline
+from sim.manners import CAPABILITIES, Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
 from sim.modes import FlightMode
-from sim.navigation import PositionError
-from sim.onboard import CAPACITY_MAH, Onboard
+from sim.onboard import CAPACITY_MAH, Fitting, Onboard
 from sim.plans import TransferManners
 from sim.route import FlyLegs, Pace
 from sim.telemetry import home_position
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import Vector
 
 SPOOL_UP_S = 3.35
 """From the take-off command to the first movement."""
@@ -85,14 +81,7 @@ _SINCE_4_0 = (dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESS
 MANNERS = Manners(
     autopilot=dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
     flight_sw_version=4 << 24 | 7 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL,
-    capabilities=dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
-    | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
-    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT,
+    capabilities=CAPABILITIES | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT,
     uid_base=0x53494D00,
     boot=Timeline(heartbeat_s=1.0, gps_fix_s=10.0, home_set_s=20.0, armable_s=43.0),
     first_mode=STABILIZE,
@@ -112,11 +101,7 @@ class ArduPilot(Autopilot):
     """ArduCopter.
 
     Args:
-        config: The UAV.
-        frame: Frame of the simulated world.
-        clock: Its clocks.
-        navigation: Error of its positions; the caller moves it on.
-        truth: True state at the start.
+        fitting: What it is built into.
     """
 
     manners = MANNERS
@@ -125,16 +110,9 @@ class ArduPilot(Autopilot):
     )
     telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]] = telemetry.ARDUPILOT
 
-    def __init__(
-        self,
-        config: VehicleConfig,
-        frame: LocalFrame,
-        clock: Clock,
-        navigation: PositionError,
-        truth: State,
-    ) -> None:
-        table = parameters(config.parameter_names, config.sysid)
-        super().__init__(config, frame, clock, navigation, truth, table)
+    def __init__(self, fitting: Fitting) -> None:
+        config = fitting.config
+        super().__init__(fitting, parameters(config.parameter_names, config.sysid))
         self._gcs_lost = self._battery_low = self._battery_critical = False
         self._fence_watch = FenceWatch()
         self._low_since_s: float | None = None
@@ -200,6 +178,8 @@ class ArduPilot(Autopilot):
 
     def _watch_fence(self) -> None:
         me, watch, notice = self._me, self._fence_watch, dialect.MAV_SEVERITY_NOTICE
+        if not self.fences() and not watch.breached:
+            return
         was_breached, beyond_m = bool(watch.breached), self._beyond_m()
         fresh = watch.look(beyond_m, me.now_s)
         if not me.armed:

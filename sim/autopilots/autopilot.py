@@ -14,8 +14,6 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
 from sim.autopilots.flight import Flight
-from sim.clock import Clock
-from sim.config import VehicleConfig
 from sim.dynamics import Command, State
 from sim.errors import SimError
 from sim.mavlink import (
@@ -27,14 +25,12 @@ from sim.mavlink import (
     dialect,
 )
 from sim.modes import FlightMode
-from sim.navigation import PositionError
-from sim.onboard import Onboard
+from sim.onboard import Fitting, Onboard
 from sim.parameters import Parameters, ParameterServer
 from sim.plans import MISSION
 from sim.route import FlyLegs
 from sim.streams import Streams
 from sim.telemetry import autopilot_version
-from swarmctl.frames import LocalFrame
 
 FORCE = 21196.0
 """``param2`` that disarms in the air."""
@@ -56,11 +52,7 @@ class Autopilot(Flight):
     """The autopilot of one UAV, listening from power-up on.
 
     Args:
-        config: The UAV.
-        frame: Frame of the simulated world.
-        clock: Its clocks.
-        navigation: Error of its positions; the caller moves it on.
-        truth: True state at the start.
+        fitting: What it is built into.
         parameters: Its parameters with their defaults.
 
     Raises:
@@ -69,15 +61,8 @@ class Autopilot(Flight):
 
     telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]]
 
-    def __init__(
-        self,
-        config: VehicleConfig,
-        frame: LocalFrame,
-        clock: Clock,
-        navigation: PositionError,
-        truth: State,
-        parameters: Parameters,
-    ) -> None:
+    def __init__(self, fitting: Fitting, parameters: Parameters) -> None:
+        config = fitting.config
         for name, value in config.parameters:
             if name not in parameters:
                 raise SimError(
@@ -88,13 +73,9 @@ class Autopilot(Flight):
         mode = self.manners.first_mode
         super().__init__(
             Onboard(
-                config,
+                *fitting,
                 self.manners,
                 parameters,
-                frame,
-                clock,
-                navigation,
-                truth,
                 mode,
                 mode.task(parameters),
                 config.boot_delay_s,

@@ -27,19 +27,14 @@ from sim.autopilots.px4_modes import (
     landing,
 )
 from sim.autopilots.px4_parameters import parameters
-from sim.clock import Clock
-from sim.config import VehicleConfig
-from sim.dynamics import State
 from sim.fence import Fence
 from sim.guidance import FlyAxes, Hold, TakeOff, Task
-from sim.manners import Manners, Timeline
+from sim.manners import CAPABILITIES, Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Message, dialect
 from sim.modes import FlightMode
-from sim.navigation import PositionError
-from sim.onboard import Onboard
+from sim.onboard import Fitting, Onboard
 from sim.plans import TransferManners
 from sim.route import FlyLegs, Pace
-from swarmctl.frames import LocalFrame
 
 OFFBOARD_ENTRY_S = 0.5
 """A stream slower than 2 Hz does not open OFFBOARD."""
@@ -61,14 +56,7 @@ OUTSIDE = "approaching or outside geofence"
 MANNERS = Manners(
     autopilot=dialect.MAV_AUTOPILOT_PX4,
     flight_sw_version=1 << 24 | 16 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL,
-    capabilities=dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
-    | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
-    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
-    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT,
+    capabilities=CAPABILITIES | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
     uid_base=0x50583400,
     boot=Timeline(heartbeat_s=1.0, gps_fix_s=2.0, home_set_s=3.0, armable_s=4.5),
     first_mode=LOITER,
@@ -100,11 +88,7 @@ class Px4(Autopilot):
     """PX4.
 
     Args:
-        config: The UAV.
-        frame: Frame of the simulated world.
-        clock: Its clocks.
-        navigation: Error of its positions; the caller moves it on.
-        truth: True state at the start.
+        fitting: What it is built into.
     """
 
     manners = MANNERS
@@ -113,15 +97,8 @@ class Px4(Autopilot):
     )
     telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]] = telemetry.COMMON
 
-    def __init__(
-        self,
-        config: VehicleConfig,
-        frame: LocalFrame,
-        clock: Clock,
-        navigation: PositionError,
-        truth: State,
-    ) -> None:
-        super().__init__(config, frame, clock, navigation, truth, parameters(config.sysid))
+    def __init__(self, fitting: Fitting) -> None:
+        super().__init__(fitting, parameters(fitting.config.sysid))
         self._setpoint_s = -math.inf
         self._previous_setpoint_s = -math.inf
         self._takeoff_up_m = 0.0

@@ -251,8 +251,3 @@ def _wilson_hilferty(squares: float, count: float) -> float:
     """A chi-squared number as sigmas of a normal one (Wilson, Hilferty, 1931)."""
     spread = 2.0 / (9.0 * count)
     return float(((squares / count) ** (1.0 / 3.0) - 1.0 + spread) / math.sqrt(spread))
-
-
-def sentence(verdict: Verdict) -> str:
-    """What a verdict says to an operator."""
-    return f"the track is {verdict.status}" + (f" ({verdict.cause})" if verdict.cause else "")

@@ -17,9 +17,10 @@ from swarmctl.estimation import augmented, motion, ncrkf
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.estimator import Estimate, Limits
-from swarmctl.estimation.health import Health, Verdict
+from swarmctl.estimation.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.estimation.repetition import Repetition
 from swarmctl.estimation.robust import Screened, screen
 
 _CLEAR = 10.0
@@ -37,6 +38,7 @@ class LinearTrack:
         innovation: Whitened innovation of the newest rows that were kept.
         used: Rows used.
         aside: Rows set aside as echoes.
+        repeated: Rows left out as copies of earlier ones.
 
     Args:
         prior: Of position and velocity, d axes each, at the first epoch.
@@ -52,6 +54,8 @@ class LinearTrack:
         motion.process_noise(0.0, self._psd)
         self.used = 0
         self.aside = 0
+        self.repeated = 0
+        self._repetition = Repetition(ALARM)
         self.restart(prior)
 
     def restart(self, prior: Prior) -> None:
@@ -88,8 +92,23 @@ class LinearTrack:
         """
         if len(set(rows.first)) != 1:
             raise EstimationError("The linear filter takes the rows of one reference at a time.")
+        try:
+            self._advance(rows)
+        except np.linalg.LinAlgError:
+            raise EstimationError("The rows' numbers have no finite result.") from None
+        return True
+
+    def _advance(self, rows: Rows) -> None:
+        copies = self._repetition.add(rows)
+        self.repeated += int(copies.sum())
+        rows = rows.where(~copies)
         epoch_s = max(self.epoch_s, rows.epoch_s)
         x, P = self._at(rows.epoch_s)
+        if copies.all():
+            self._x, self._P = motion.transport(x, P, epoch_s - rows.epoch_s)
+            self.epoch_s, self.innovation = epoch_s, np.zeros(0)
+            self._judge((), 0, ())
+            return
         first = augmented.innovate(x, P, rows, {}, self._layout)
         clear = (np.diagonal(first.S) <= _CLEAR**2 * np.diagonal(rows.covariance)).all()
         everything = Screened(np.ones(len(rows.rd), dtype=np.bool_), rows.covariance, ())
@@ -111,10 +130,7 @@ class LinearTrack:
         if clear:
             picked = np.flatnonzero(kept).tolist()
             pairs = tuple((rows.first[k], rows.second[k]) for k in picked)
-            self.verdict = self._health.add(
-                epoch_s, pairs, self.innovation, len(kept) - count, screened.aside
-            )
-        return True
+            self._judge(pairs, len(kept) - count, screened.aside)
 
     def estimates(self) -> list[Estimate]:
         """What is known at :attr:`epoch_s`; empty before the first rows."""
@@ -140,6 +156,11 @@ class LinearTrack:
     def relative(self, receiver: int, to: int) -> tuple[Array, Array]:
         """No errors of receivers are modelled: (0,) and (0, 0)."""
         return np.zeros(0), np.zeros((0, 0))
+
+    def _judge(self, pairs: Pairs, rows_aside: int, aside: Ids) -> None:
+        self.verdict = self._health.add(
+            self.epoch_s, pairs, self.innovation, rows_aside, aside, self._repetition.sigmas
+        )
 
     def _at(self, epoch_s: float) -> tuple[Array, Array]:
         if not self.is_resolved:

@@ -20,6 +20,7 @@ class Track(Protocol):
         innovation: Whitened innovation of the newest rows that were kept.
         used: Rows used.
         aside: Rows set aside as echoes.
+        repeated: Rows left out as copies of earlier ones.
     """
 
     epoch_s: float
@@ -27,6 +28,7 @@ class Track(Protocol):
     innovation: Array
     used: int
     aside: int
+    repeated: int
 
     @property
     def is_resolved(self) -> bool:

@@ -156,6 +156,11 @@ class Tracker:
         return self._track.aside
 
     @property
+    def repeated(self) -> int:
+        """Range differences left out as copies of earlier ones."""
+        return self._track.repeated
+
+    @property
     def verdict(self) -> Verdict:
         """Whether the track may be believed."""
         return self._track.verdict

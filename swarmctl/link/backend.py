@@ -17,7 +17,6 @@ from swarmctl.events import (
     GoTo,
     InputRejected,
     Observation,
-    ParameterValue,
     ReadParameter,
     RequestVersion,
     UploadFence,
@@ -25,6 +24,7 @@ from swarmctl.events import (
     WriteParameter,
 )
 from swarmctl.link.facts import CommandAck, Fact, FenceFact, TimeSyncAnswer
+from swarmctl.link.parameters import unread
 from swarmctl.link.vehicle import Packet, Vehicle
 
 PERIOD_S = 1.0
@@ -92,14 +92,19 @@ class Backend(ABC, Generic[VehicleType]):
         vehicle = self._vehicles.get(command.sysid)
         personality = None if vehicle is None else vehicle.personality
         if isinstance(command, GoTo):
-            usable = vehicle is not None and personality is not None and not vehicle.is_another
-            if usable and vehicle is not None and self._set_point(command, vehicle, now):
+            if (
+                vehicle is not None
+                and personality is not None
+                and not vehicle.is_another
+                and _can_be_flown(command)
+                and self._set_point(command, vehicle, now)
+            ):
                 self.setpoints_out += 1
             else:
                 self.setpoints_dropped += 1
         elif isinstance(command, ReadParameter | WriteParameter):
             if vehicle is None or personality is None:
-                self._events.append(_unread(command, now))
+                self._events.append(unread(command.parameter, command.sysid, now))
                 return
             wanted = command.value if isinstance(command, WriteParameter) else None
             spellings = personality.spellings(command.parameter)
@@ -208,12 +213,10 @@ class Backend(ABC, Generic[VehicleType]):
         )
 
 
-def _unread(command: ReadParameter | WriteParameter, now: float) -> ParameterValue:
-    """The value of a parameter that nobody can be asked for."""
-    return ParameterValue(
-        received_s=now,
-        sysid=command.sysid,
-        parameter=command.parameter,
-        value=None,
-        own_name=command.parameter,
+def _can_be_flown(goto: GoTo) -> bool:
+    """Whether a setpoint is a place on Earth with finite numbers: no other may ever leave."""
+    return (
+        abs(goto.lat_rad) <= math.pi / 2.0  # false for NaN
+        and abs(goto.lon_rad) <= math.pi
+        and all(map(math.isfinite, (goto.alt_amsl_m, *goto.velocity_enu)))
     )

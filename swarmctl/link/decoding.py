@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from operator import itemgetter
 from typing import Any, Literal
 
@@ -75,6 +75,24 @@ def read(frame: Frame, received_s: float) -> Fact | Fault | None:
     if len(payload) < layout.size:
         payload = payload.ljust(layout.size, b"\0")
     return build(frame.sysid, received_s, *pick(layout.unpack_from(payload)))
+
+
+def from_fields(
+    message: MessageId, fields: Mapping[str, Any], sysid: int, received_s: float
+) -> Fact | Fault | None:
+    """What a message says whose frame somebody else has read.
+
+    Args:
+        message: Any but PARAM_VALUE.
+        fields: Its fields by their names, as on the wire; one that is not there is 0.
+        sysid: System id of the sender.
+        received_s: Controller's monotonic time of arrival, s.
+
+    Returns:
+        As :func:`read`.
+    """
+    build, names = _BUILDERS[message]
+    return build(sysid, received_s, *(fields.get(name, 0) for name in names.split()))
 
 
 def _implausible(message: str, sysid: int, **fields: object) -> Fault:
@@ -329,39 +347,36 @@ def _reader(message_id: MessageId, build: _Build, fields: str) -> _Reader:
 # floating-point register carries unchanged.
 _PARAM_VALUE = struct.Struct("<4s4x16sB")
 
+_BUILDERS: dict[MessageId, tuple[_Build, str]] = {
+    MessageId.HEARTBEAT: (_heartbeat, "type autopilot base_mode custom_mode system_status"),
+    MessageId.GLOBAL_POSITION_INT: (_global_position_int, "time_boot_ms lat lon alt vx vy vz"),
+    MessageId.HOME_POSITION: (_home_position, "latitude longitude altitude"),
+    MessageId.ATTITUDE: (_attitude, "time_boot_ms roll pitch yaw"),
+    MessageId.SYS_STATUS: (
+        _sys_status,
+        "onboard_control_sensors_health voltage_battery battery_remaining",
+    ),
+    MessageId.SYSTEM_TIME: (_system_time, "time_unix_usec time_boot_ms"),
+    MessageId.GPS_RAW_INT: (_gps_raw_int, "fix_type satellites_visible"),
+    MessageId.EXTENDED_SYS_STATE: (_extended_sys_state, "landed_state"),
+    MessageId.AUTOPILOT_VERSION: (_autopilot_version, "uid flight_sw_version"),
+    MessageId.STATUSTEXT: (_statustext, "severity text"),
+    MessageId.COMMAND_ACK: (_command_ack, "command result target_system"),
+    MessageId.TIMESYNC: (_timesync, "tc1 ts1"),
+    MessageId.MISSION_REQUEST: (_mission_request, "target_system seq mission_type"),
+    MessageId.MISSION_REQUEST_INT: (_mission_request, "target_system seq mission_type"),
+    MessageId.MISSION_COUNT: (_mission_count, "target_system count mission_type"),
+    MessageId.MISSION_ACK: (_mission_ack, "target_system type mission_type"),
+    MessageId.MISSION_ITEM_INT: (
+        _mission_item_int,
+        "target_system seq command param1 x y mission_type",
+    ),
+}
+"""Who takes which fields of a message."""
+
 _READERS: dict[int, _Reader] = {
     MessageId.PARAM_VALUE: (_PARAM_VALUE, itemgetter(0, 1, 2), _param_value)
 } | {
     message_id: _reader(message_id, build, fields)
-    for message_id, build, fields in (
-        (MessageId.HEARTBEAT, _heartbeat, "type autopilot base_mode custom_mode system_status"),
-        (
-            MessageId.GLOBAL_POSITION_INT,
-            _global_position_int,
-            "time_boot_ms lat lon alt vx vy vz",
-        ),
-        (MessageId.HOME_POSITION, _home_position, "latitude longitude altitude"),
-        (MessageId.ATTITUDE, _attitude, "time_boot_ms roll pitch yaw"),
-        (
-            MessageId.SYS_STATUS,
-            _sys_status,
-            "onboard_control_sensors_health voltage_battery battery_remaining",
-        ),
-        (MessageId.SYSTEM_TIME, _system_time, "time_unix_usec time_boot_ms"),
-        (MessageId.GPS_RAW_INT, _gps_raw_int, "fix_type satellites_visible"),
-        (MessageId.EXTENDED_SYS_STATE, _extended_sys_state, "landed_state"),
-        (MessageId.AUTOPILOT_VERSION, _autopilot_version, "uid flight_sw_version"),
-        (MessageId.STATUSTEXT, _statustext, "severity text"),
-        (MessageId.COMMAND_ACK, _command_ack, "command result target_system"),
-        (MessageId.TIMESYNC, _timesync, "tc1 ts1"),
-        (MessageId.MISSION_REQUEST, _mission_request, "target_system seq mission_type"),
-        (MessageId.MISSION_REQUEST_INT, _mission_request, "target_system seq mission_type"),
-        (MessageId.MISSION_COUNT, _mission_count, "target_system count mission_type"),
-        (MessageId.MISSION_ACK, _mission_ack, "target_system type mission_type"),
-        (
-            MessageId.MISSION_ITEM_INT,
-            _mission_item_int,
-            "target_system seq command param1 x y mission_type",
-        ),
-    )
+    for message_id, (build, fields) in _BUILDERS.items()
 }

@@ -30,7 +30,7 @@ from swarmctl.link.backend import PERIOD_S, Backend
 from swarmctl.link.clock import BootClock
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.exchange import Attempt
-from swarmctl.link.facts import CommandLong, DataStream, Fault
+from swarmctl.link.facts import AUTOPILOT_COMPONENT, CommandLong, DataStream, Fault
 from swarmctl.link.parameters import ReadPacket, SetPacket
 from swarmctl.link.vehicle import Packet, Vehicle
 
@@ -149,7 +149,7 @@ class MavsdkLink(Backend[_Vehicle]):
 
     def _hear(self, message: Any, now: float) -> None:  # noqa: ANN401 - untyped package
         vehicle = self._vehicles.get(message.system_id)
-        if vehicle is None or message.component_id != messages.AUTOPILOT_COMPONENT:
+        if vehicle is None or message.component_id != AUTOPILOT_COMPONENT:
             return
         self.messages_in += 1
         vehicle.statistics.count(vehicle.statistics.messages_in & 0xFF)
@@ -174,8 +174,8 @@ class MavsdkLink(Backend[_Vehicle]):
             self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
 
     def _set_point(self, goto: GoTo, vehicle: _Vehicle, now: float) -> bool:
-        fields = messages.setpoint(goto, now)
-        return self._transmit(vehicle, "SET_POSITION_TARGET_GLOBAL_INT", fields)
+        name = "SET_POSITION_TARGET_GLOBAL_INT"
+        return self._transmit(vehicle, name, messages.setpoint(goto, now))
 
     def _tell(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
         sysid = vehicle.sysid

@@ -211,16 +211,14 @@ class ParameterExchange:
     def _end(self, job: _Job, now: float) -> None:
         if job in self._jobs:
             self._jobs.remove(job)
-        self._values.append(
-            job.heard
-            or ParameterValue(
-                received_s=now,
-                sysid=self._sysid,
-                parameter=job.parameter,
-                value=None,
-                own_name=job.parameter,
-            )
-        )
+        self._values.append(job.heard or unread(job.parameter, self._sysid, now))
+
+
+def unread(parameter: str, sysid: int, now: float) -> ParameterValue:
+    """What is known of a parameter that a vehicle has not told."""
+    return ParameterValue(
+        received_s=now, sysid=sysid, parameter=parameter, value=None, own_name=parameter
+    )
 
 
 def _same(value: float, wanted: float) -> bool:

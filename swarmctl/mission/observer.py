@@ -101,6 +101,11 @@ class Observer:
         return self._tracker.aside
 
     @property
+    def repeated(self) -> int:
+        """Range differences left out as copies of earlier ones."""
+        return self._tracker.repeated
+
+    @property
     def dropped(self) -> int:
         """Range differences and arrival times that could not be used."""
         dropped = self._tracker.dropped

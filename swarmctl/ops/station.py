@@ -238,6 +238,7 @@ class Station:
             "feed_rejected": sum(self.intake.rejected.values()),
             "rd_dropped": self.controller.observer.dropped,
             "rd_aside": self.controller.observer.aside,
+            "rd_repeated": self.controller.observer.repeated,
         }
 
     def _truths(

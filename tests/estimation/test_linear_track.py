@@ -135,3 +135,19 @@ def test_what_it_cannot_take_is_refused() -> None:
             LinearTrack(Prior(mean, covariance), PSD)
     with pytest.raises(EstimationError, match="process noise must be"):
         LinearTrack(PRIOR, (0.0, 0.0, -1.0))
+
+
+def test_a_feed_that_is_held_is_named_and_left_out() -> None:
+    rng = np.random.default_rng(6)
+    track = LinearTrack(PRIOR, PSD)
+    for k in range(60):
+        last = rows(0.1 * k, rng)
+        track.update(last)
+    used = track.used
+    for k in range(60, 110):
+        at = places(0.1 * k)
+        track.update(last._replace(epoch_s=0.1 * k, first_at=at[[0, 0, 0]], second_at=at[1:]))
+    assert (track.verdict.status, track.verdict.cause) == ("degraded", "repeated")
+    assert track.used + track.aside - used < 5 * 3
+    assert track.repeated > 45 * 3
+    assert track.epoch_s == pytest.approx(10.9)

@@ -48,7 +48,8 @@ def report(observer: Observer, epoch: float | None) -> None:
 
 
 def measure(observer: Observer, epoch: float, emitter: Vector) -> None:
-    ranges = {sysid: math.dist(emitter, place) for sysid, place in PLACES.items()}
+    noise = np.random.default_rng(round(1000 * epoch)).normal(0.0, 3.0 / math.sqrt(2.0), 5)
+    ranges = {s: math.dist(emitter, place) + noise[s] for s, place in PLACES.items()}
     observer.range_differences(
         RangeDifferences(
             received_s=0.0,
