@@ -21,8 +21,9 @@ Begin
     or so is collected, cleaned of echoes pair by pair, and every mode of the posterior sought.
     All probable modes (mirror images) are carried, each with its probability.
 Width
-    While the window lasts, the states are taken anew from it whenever a block is complete. It
-    ends when straight lines of sight are good enough to linearise at for good, when the
+    While the window lasts, the states are taken anew from it whenever a block is complete, but
+    for what is believed of a manoeuvre, of which its straight trajectory knows nothing. It ends
+    when straight lines of sight are good enough to linearise at for good, when the
     emitter manoeuvres, or when its random motion within a block is no longer small. (Ended
     earlier, in an orbit with real clocks, each epoch linearised at its own estimate makes the
     track surer and surer of a place hundreds of metres off, with innovations as they should be.)
@@ -117,6 +118,7 @@ class Estimator:
         self._begin_again()
 
     def _begin_again(self) -> None:
+        self._turning = 0.0  # greatest probability of a manoeuvre since the last renewal
         self._window: Window | None = None
         self._theta: Array = np.zeros((0, 2 * self._model.d))  # of the window, each mode's
         # Of the epochs since the last renewal: its time, position and velocity of each mode.
@@ -277,10 +279,10 @@ class Estimator:
         kept = window.points.measurements
         self.used += kept
         self.aside += sum(len(rows.rd) for rows in collected) - kept
-        self._mixture = self._taken(window, fit)
+        self._mixture, _ = self._taken(window, fit)
 
-    def _taken(self, window: Window, fit: Fit) -> Mixture:
-        """The states of the distinct and probable modes of a fit."""
+    def _taken(self, window: Window, fit: Fit) -> tuple[Mixture, list[int]]:
+        """The states of the distinct and probable modes of a fit, and which these are."""
         score = -0.5 * fit.objective - 0.5 * np.linalg.slogdet(fit.information)[1]
         probable = is_probable(score)
         chosen = [k for k in distinct(fit, score) if probable[k]][:_MODES]
@@ -293,7 +295,7 @@ class Estimator:
         x, P = np.stack([x for x, _ in states]), np.stack([P for _, P in states])
         self._theta = fit.theta[chosen]
         self._nominal = (self.epoch_s, np.asarray(x[:, : 2 * model.d], dtype=np.float64))
-        return Mixture(model, x, P, score[chosen], places)
+        return Mixture(model, x, P, score[chosen], places), chosen
 
     # --- Going on ----------------------------------------------------------------------
 
@@ -331,6 +333,7 @@ class Estimator:
         screened, best, nu, S = min(candidates, key=lambda candidate: len(candidate[0].aside))
         weighed = rows._replace(covariance=screened.covariance)
         likelihood = mixture.update(weighed, lag_s, first, iterations=3 if at is None else 1)
+        self._turning = max(self._turning, float(mixture.weight[mixture.best, 1:].sum()))
 
         kept = screened.kept
         count = int(kept.sum())
@@ -364,13 +367,14 @@ class Estimator:
         best = mixture.best
         sight = mixture.x[best, 0, : self._model.d] - rows.second_at
         nearest = float(np.sqrt(np.vecdot(sight, sight)).min())
-        turning = float(mixture.weight[best, 1:].sum()) > _TURNED
-        if turning or window.is_stretched(nearest):
+        turned, self._turning = self._turning > _TURNED, 0.0
+        if turned or window.is_stretched(nearest):
             self._window = None
             return
         window.points.compress(self._theta[best])
-        renewed = self._taken(window, window.fit(self._theta))
+        renewed, chosen = self._taken(window, window.fit(self._theta))
         renewed.admit(rows)
+        renewed.keep_manoeuvre(mixture, chosen)
         self._mixture = renewed
         if self.is_resolved and self._is_straight(renewed, rows):
             self._window = None

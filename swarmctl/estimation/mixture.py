@@ -9,6 +9,7 @@ each (:mod:`~swarmctl.estimation.augmented`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -126,6 +127,22 @@ class Mixture:
         self.weight: Array = np.broadcast_to(np.eye(count[1])[0], count).copy()
         self.log_probability = log_probability
         self.places = places
+
+    def keep_manoeuvre(self, before: Mixture, modes: Sequence[int]) -> None:
+        """Go on believing what was believed of a manoeuvre.
+
+        Args:
+            before: The mixture that this one takes the place of, with all of its receivers.
+            modes: Which of its modes these are, (S,).
+        """
+        index = np.arange(self.x.shape[-1])
+        for receiver, place in self.places.items():
+            own = np.arange(self._layout.size)
+            index[place + own] = before.places[receiver] + own
+        chosen = list(modes)
+        self.x[:, 1:] = before.x[chosen][:, 1:, index]
+        self.P[:, 1:] = before.P[chosen][:, 1:][..., index[:, None], index]
+        self.weight = before.weight[chosen]
 
     @property
     def best(self) -> int:
