@@ -23,7 +23,9 @@ Begin
 Width
     While the window lasts, the states are taken anew from it whenever a block is complete. It
     ends when straight lines of sight are good enough to linearise at for good, when the
-    emitter manoeuvres, or when process noise has bent the track too far.
+    emitter manoeuvres, or when its random motion within a block is no longer small. (Ended
+    earlier, in an orbit with real clocks, each epoch linearised at its own estimate makes the
+    track surer and surer of a place hundreds of metres off, with innovations as they should be.)
 """
 
 from __future__ import annotations
@@ -117,6 +119,8 @@ class Estimator:
     def _begin_again(self) -> None:
         self._window: Window | None = None
         self._theta: Array = np.zeros((0, 2 * self._model.d))  # of the window, each mode's
+        # Of the epochs since the last renewal: its time, position and velocity of each mode.
+        self._nominal: tuple[float, Array] = (-math.inf, self._theta)
         self._collected: list[Rows] = []
         self._mixture: Mixture | None = None
         self._health = Health()
@@ -262,6 +266,7 @@ class Estimator:
         unclear = (np.diagonal(S[0, 0]) > _CLEAR**2 * white).any()
         if not (unclear or is_wide(self._prior, receivers)):
             self._mixture, self._theta = mixture, mean[None]
+            self._nominal = self.epoch_s, mean[None]
 
     def _acquire(self) -> None:
         window = self._window
@@ -287,6 +292,7 @@ class Estimator:
         }
         x, P = np.stack([x for x, _ in states]), np.stack([P for _, P in states])
         self._theta = fit.theta[chosen]
+        self._nominal = (self.epoch_s, np.asarray(x[:, : 2 * model.d], dtype=np.float64))
         return Mixture(model, x, P, score[chosen], places)
 
     # --- Going on ----------------------------------------------------------------------
@@ -314,7 +320,7 @@ class Estimator:
         lag_s = min(dt, 0.0)
         self.epoch_s = max(self.epoch_s, rows.epoch_s)
         window = self._window
-        at = None if window is None else self._on_trajectory(mixture.x, window.begin_s)
+        at = None if window is None else self._on_trajectory(mixture.x)
         first = mixture.innovate(rows, lag_s, at)
 
         # A receiver that only a wrong mirror image finds wrong tells the images apart.
@@ -341,16 +347,16 @@ class Estimator:
         elif count and lag_s == 0.0 and window.points.add(good, self._theta[best]):
             self._renew(window, mixture, rows)
 
-    def _on_trajectory(self, x: Array, begin_s: float) -> Array:
+    def _on_trajectory(self, x: Array) -> Array:
         """Where to linearise between two renewals: where the window's rows are linearised.
 
         An epoch linearised elsewhere contradicts them (with clocks and navigation from Table
         1's P0 x 20² the median NEES is 6 half a second later).
         """
-        d, theta = self._model.d, self._theta[:, None]
+        d, (since_s, nominal) = self._model.d, self._nominal
         at = x.copy()
-        at[..., :d] = theta[..., :d] + (self.epoch_s - begin_s) * theta[..., d:]
-        at[..., d : 2 * d] = theta[..., d:]
+        at[..., :d] = (nominal[:, :d] + (self.epoch_s - since_s) * nominal[:, d:])[:, None]
+        at[..., d : 2 * d] = nominal[:, None, d:]
         return at
 
     def _renew(self, window: Window, mixture: Mixture, rows: Rows) -> None:
@@ -359,7 +365,7 @@ class Estimator:
         sight = mixture.x[best, 0, : self._model.d] - rows.second_at
         nearest = float(np.sqrt(np.vecdot(sight, sight)).min())
         turning = float(mixture.weight[best, 1:].sum()) > _TURNED
-        if turning or window.is_stretched(nearest, self.epoch_s):
+        if turning or window.is_stretched(nearest):
             self._window = None
             return
         window.points.compress(self._theta[best])

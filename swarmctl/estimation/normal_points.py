@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.augmented import Rows
 
+_SHARE = 0.01
+"""A block lasts at least this share of the time since the first: an old track changes slowly."""
+
 
 class Block:
     """Sums over the epochs of one block, one row per pair."""
@@ -114,7 +117,7 @@ class NormalPoints:
     Args:
         d: Axes.
         begin_s: Times in :meth:`table` are since then, s.
-        block_s: Length of a block, s.
+        block_s: Least length of a block, s.
         capacity: Rows kept at most.
     """
 
@@ -152,7 +155,8 @@ class NormalPoints:
         self._table = None
         for receiver in (*rows.first, *rows.second):
             self._places.setdefault(receiver, len(self._places))
-        fresh = not self._blocks or rows.epoch_s >= self._opened_s + self._block_s - 1e-6
+        block_s = max(self._block_s, _SHARE * (rows.epoch_s - self._begin_s))
+        fresh = not self._blocks or rows.epoch_s >= self._opened_s + block_s - 1e-6
         if fresh or alone:
             self._blocks.append(Block(self._d, nominal))
             self._opened_s = rows.epoch_s

@@ -19,10 +19,12 @@ row a, two rows a, b have, receiver by receiver,
 and from the emitter's white acceleration of density q, with g_a = u_ja - u_ia and t_a <= t_b,
 ``g_aᵀ diag(q) g_b (t_a² t_b / 2 - t_a³ / 6)``. Gauss-Newton on theta (damped by Levenberg and
 Marquardt while a step does not lower the objective) has four or six unknowns whatever the
-number of receivers. The emitter's random part is linearised about the straight line: the window
-has to end (:attr:`Window.is_stretched`) before that part is no longer small beside the range.
+number of receivers. The emitter's random part w, a Gaussian process too, has its most probable
+values at the rows' times, ``w_b = diag(q) sum_a walk_ba g_a (Sigma⁻¹ r)_a``, and each iteration
+linearises at the straight line *and* these.
 
-The epochs are kept as normal points (:mod:`~swarmctl.estimation.normal_points`).
+The epochs are kept as normal points (:mod:`~swarmctl.estimation.normal_points`). The mean of w
+over a block of length L is not w in its middle: they differ by a variance of q L³ / 320.
 """
 
 from __future__ import annotations
@@ -42,8 +44,10 @@ _REACH = 0.5
 """A step moves the emitter by at most this share of its distance to the nearest receiver."""
 _SMALL_STEP = 0.05
 """A step below this squared number of sigmas ends the search."""
+_ALIKE = 0.01
+"""Share of the range by which two trajectories may differ and be linearised alike."""
 _BENT = 0.05
-"""Greatest share of the range by which the emitter may stray from the straight line."""
+"""Greatest share of the range by which the emitter may stray from straight lines in a block."""
 
 
 class Fit(NamedTuple):
@@ -59,6 +63,8 @@ class Fit(NamedTuple):
         root: Lower Cholesky factor of Sigma, (S, M, M), m.
         sights: Unit lines of sight of each row, from its first and its second receiver,
             (2, S, M, d).
+        bend: Where the emitter strays from theta's straight line at each row's time, and the
+            rows are linearised, (S, M, d), m.
     """
 
     theta: Array
@@ -68,6 +74,7 @@ class Fit(NamedTuple):
     slope: Array
     root: Array
     sights: Array
+    bend: Array
 
 
 class Window:
@@ -125,10 +132,10 @@ class Window:
         row = int(np.argmax(statistic))
         return row, float(statistic[row])
 
-    def is_stretched(self, distance_m: float, epoch_s: float) -> bool:
-        """Whether the emitter may by now be far from any straight line, seen from there."""
-        t = epoch_s - self.begin_s
-        return math.sqrt(float(self._psd.max()) * t**3 / 3.0) > _BENT * distance_m
+    def is_stretched(self, distance_m: float) -> bool:
+        """Whether the emitter may stray too far within one block, seen from so far away."""
+        longest = float(self.points.table().span.max())
+        return math.sqrt(float(self._psd.max()) * longest**3 / 3.0) > _BENT * distance_m
 
     def fit(self, starts: Array, iterations: int = 3) -> Fit:
         """Climb to the most probable trajectories near some starts.
@@ -144,7 +151,8 @@ class Window:
             raise EstimationError("A window without measurements fits any trajectory.")
         table = self.points.table()
         try:
-            best = self._evaluate(starts, table)
+            straight = np.zeros((len(starts), table.time.size, self._d))
+            best = self._evaluate(starts, straight, table)
             damping = np.zeros(len(starts))
             for _ in range(iterations):
                 A = best.information
@@ -155,9 +163,10 @@ class Window:
                 step = np.linalg.solve(damped, gradient[..., None])[..., 0]
                 step *= self._reach(best.theta, step, table)[:, None]
                 length = np.vecdot(step, np.matvec(A, step))
-                if (length < _SMALL_STEP).all():
+                bend = self._bent(best, step, table)
+                if (length < _SMALL_STEP).all() and self._is_alike(best, bend, table):
                     break
-                proposed = self._evaluate(best.theta + step, table)
+                proposed = self._evaluate(best.theta + step, bend, table)
                 better = proposed.objective < best.objective + 1e-3
                 best = _choose(better, proposed, best)
                 damping = np.where(better, damping / 10.0, np.maximum(4.0 * damping, 0.1))
@@ -188,16 +197,34 @@ class Window:
         share: Array = np.minimum(1.0, _REACH * (nearest + 1e-3) / (moved + 1e-9))
         return share
 
-    def _evaluate(self, theta: Array, table: Table) -> Fit:
+    @staticmethod
+    def _is_alike(fit: Fit, bend: Array, table: Table) -> bool:
+        """Whether linearising at another bend would change nothing."""
+        d = bend.shape[-1]
+        e = fit.theta[:, None, :d] + table.time[:, None] * fit.theta[:, None, d:] + fit.bend
+        off, sight = bend - fit.bend, e - table.at[1]
+        return bool((np.vecdot(off, off) <= _ALIKE**2 * np.vecdot(sight, sight)).all())
+
+    def _bent(self, fit: Fit, step: Array, table: Table) -> Array:
+        """Where the emitter most probably strayed from the straight line, (S, M, d), m."""
+        if not self._psd.any():
+            return fit.bend
+        residual = fit.residual - np.matvec(fit.slope, step)
+        weighted = np.linalg.solve(fit.root.mT, residual[..., None])
+        g = fit.sights[1] - fit.sights[0]
+        bend: Array = (self._walk(table) @ (g * weighted)) * self._psd
+        return bend
+
+    def _evaluate(self, theta: Array, bend: Array, table: Table) -> Fit:
         d = self._d
-        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:]
+        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:] + bend
         sight = e - table.at[:, None]  # (2, S, M, d)
         distance = np.sqrt(np.vecdot(sight, sight)) + 1e-9
         u = sight / distance[..., None]
         g = u[1] - u[0]
         root = np.linalg.cholesky(self._covariance(table, u, g))
         J = np.concatenate([g, table.time[:, None] * g], axis=-1)
-        r = table.rd - (distance[1] - distance[0])
+        r = table.rd - (distance[1] - distance[0]) + np.vecdot(g, bend)
         whitened = np.linalg.solve(root, np.concatenate([J, r[..., None]], axis=-1))
         slope, residual = whitened[..., :-1], whitened[..., -1]
         off = theta - self._mean
@@ -205,7 +232,7 @@ class Window:
         objective += np.vecdot(off, np.matvec(self._information, off))
         objective += 2.0 * np.log(np.linalg.diagonal(root)).sum(-1)
         information = slope.mT @ slope + self._information
-        return Fit(theta, objective, information, residual, slope, root, u)
+        return Fit(theta, objective, information, residual, slope, root, u, bend)
 
     def _covariance(self, table: Table, u: Array, g: Array) -> Array:
         """Sigma, (S, M, M)."""
@@ -222,11 +249,19 @@ class Window:
             decay = errors.navigation_m**2 * np.exp(-apart / errors.navigation_tau_s)
             Sigma = Sigma + decay * (V.mT @ V)
         if self._psd.any():
-            early = np.minimum(t[:, None], t)
-            late = np.maximum(t[:, None], t)
-            walk = early * early * (0.5 * late - early / 6.0)
+            walk = self._walk(table)
+            same_block = table.block[:, None] == table.block
+            walk += np.outer(table.span**1.5, table.span**1.5) / 320.0 * same_block
             Sigma = Sigma + walk * ((g * self._psd) @ g.mT)
         return np.broadcast_to(Sigma, (len(u[0]), t.size, t.size))
+
+    @staticmethod
+    def _walk(table: Table) -> Array:
+        """Covariance of positions by white acceleration of density 1, (M, M), s³."""
+        early = np.minimum(table.time[:, None], table.time)
+        late = np.maximum(table.time[:, None], table.time)
+        walk: Array = early * early * (0.5 * late - early / 6.0)
+        return walk
 
     @staticmethod
     def _by_receiver(table: Table, u: Array) -> Array:
@@ -325,4 +360,5 @@ def _choose(better: Mask, proposed: Fit, best: Fit) -> Fit:
         pick(proposed.slope, best.slope),
         pick(proposed.root, best.root),
         np.where(better[:, None, None], proposed.sights, best.sights),
+        pick(proposed.bend, best.bend),
     )

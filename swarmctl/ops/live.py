@@ -104,7 +104,7 @@ async def fly(
                 utc_start_s,
                 recording,
                 HICCUP_S * speedup,
-                signing=await stack.enter_async_context(signing(mission, utc_start_s)),
+                signing=await stack.enter_async_context(signing(mission, utc_start_s, speedup)),
                 stations=station_addresses(forward, first=len(links)),
                 shadow=shadow,
                 backend=mavsdk,

@@ -24,12 +24,17 @@ def signing_key(mission: Mission) -> bytes | None:
 
 
 @contextlib.asynccontextmanager
-async def signing(mission: Mission, utc_start_s: float) -> AsyncIterator[Signing | None]:
+async def signing(
+    mission: Mission, utc_start_s: float, speedup: float
+) -> AsyncIterator[Signing | None]:
     """MAVLink signing as the mission wants it; None if it wants none.
 
     Args:
         mission: The mission.
         utc_start_s: UTC at the station's time 0, s.
+        speedup: Seconds of the station per second. Where it is not 1 the station's UTC runs away
+            from the true one, and no timestamp is kept: the next flight would be ahead of its
+            vehicles by more than they are believed.
 
     Raises:
         UsageError: If the key's file holds no key.
@@ -38,6 +43,9 @@ async def signing(mission: Mission, utc_start_s: float) -> AsyncIterator[Signing
     key = signing_key(mission)
     if key is None:
         yield None
+        return
+    if speedup != 1.0:
+        yield Signing(key, timestamp_at(utc_start_s), utc_start_s)
         return
     file = TimestampFile(Path(mission.swarm.signing_key_file))
     used = Signing(key, max(file.load(), timestamp_at(utc_start_s)), utc_start_s)

@@ -221,7 +221,10 @@ class Vehicle(ABC):
 
     def position(self) -> tuple[float, float, float]:
         """Where the next LOCAL_POSITION_NED says that it is, seen from where it stood, m."""
-        _, message = self.until(of("LOCAL_POSITION_NED"), 2.0)
+        return self.seen(self.until(of("LOCAL_POSITION_NED"), 2.0)[1])
+
+    def seen(self, message: Message) -> tuple[float, float, float]:
+        """The place of a LOCAL_POSITION_NED, seen from where it stood, m."""
         north, east = self._stand
         return message.x - north, message.y - east, message.z
 

@@ -97,11 +97,16 @@ def test_the_worst_row_is_the_echo_and_can_be_dropped() -> None:
     assert window.worst(window.fit(fit.theta, 20), 0)[1] < 4.5
 
 
-def test_a_walk_that_bends_the_line_ends_the_window() -> None:
-    window = Window(np.zeros(4), np.eye(4), REAL, np.array([0.03, 0.0]), 100.0)
+@pytest.mark.parametrize(("last_s", "stretched"), [(162.0, False), (164.0, True)])
+def test_a_walk_that_bends_the_line_within_a_block_ends_the_window(
+    last_s: float, stretched: bool
+) -> None:
+    window = Window(np.zeros(4), np.eye(4), REAL, np.array([0.03, 0.0]), 100.0, block_s=100.0)
+    rows = flight(np.random.default_rng(0), REAL, 0.1).rows[0]
+    for epoch_s in np.linspace(100.0, last_s, 1000).tolist():
+        window.points.add(rows._replace(epoch_s=epoch_s))
     # sqrt(0.03 t³ / 3) = 0.1 t^1.5: 50 m after 63 s, 5 % of a kilometre.
-    assert not window.is_stretched(1000.0, 162.0)
-    assert window.is_stretched(1000.0, 164.0)
+    assert window.is_stretched(1000.0) == stretched
 
 
 def test_a_window_without_rows_has_no_trajectory() -> None:

@@ -12,6 +12,7 @@ from swarmctl.events import (
     Heartbeat,
     InputRejected,
     LinkQuality,
+    ReadParameter,
     RequestHome,
     VehiclePosition,
 )
@@ -126,6 +127,7 @@ def test_another_vehicle_under_a_known_id_is_named_once_not_heard_and_not_comman
         bench.receive(other.state(), AT_1)
     bench.link.send(goto(1), bench.now)
     bench.link.send(Arm(sysid=1), bench.now)
+    bench.link.send(ReadParameter(sysid=1, parameter="RTL_ALT"), bench.now)
     bench.drain()
     named, outcome = bench.heard
     assert isinstance(named, InputRejected)

@@ -11,15 +11,19 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.events import Notice
+from swarmctl.link.signing import timestamp_at
+from swarmctl.mission.loading import load_mission
+from swarmctl.ops.in_memory import UTC_START_S as UTC_S
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.live import fly
+from swarmctl.ops.signing import signing
 from swarmctl.ops.simulation import simulated
 from tests.link.test_signing import KEY
 from tests.ops.test_sitl import BRIEF
 
 Short = Callable[..., Path]
 
-SPEEDUP = 10.0
+SPEEDUP = 8.0
 SIGNED: int = mavlink.MAVLINK_IFLAG_SIGNED
 
 
@@ -56,9 +60,22 @@ def test_a_mission_with_a_key_flies_in_memory(signed_mission: Short, tmp_path: P
 async def test_a_mission_with_a_key_flies_over_udp(signed_mission: Short, tmp_path: Path) -> None:
     mission = signed_mission()
     async with simulated(mission, speedup=SPEEDUP):
-        summary = await fly(mission, tmp_path / "out", speedup=SPEEDUP)
+        summary = await fly(mission, speedup=SPEEDUP)
+    # What is not signed with the key is refused on either side.
     assert (summary["result"], summary["mavlink_rejected"]) == ("located", 0)
-    assert speakers(tmp_path / "out" / "vehicles.tlog") == EVERYBODY_SIGNS
+    assert not (tmp_path / "swarm.key.timestamp").exists()
+
+
+async def test_in_real_time_the_timestamp_is_kept_for_the_next_start(
+    signed_mission: Short, tmp_path: Path
+) -> None:
+    async with signing(load_mission(signed_mission()), UTC_S, 1.0) as used:
+        assert used is not None
+        stored = int((tmp_path / "swarm.key.timestamp").read_text())
+        assert stored > used.timestamp >= timestamp_at(UTC_S)
+    async with signing(load_mission(signed_mission()), UTC_S, 1.0) as again:
+        assert again is not None
+        assert again.timestamp == stored
 
 
 def test_a_vehicle_with_another_key_is_refused_and_named(signed_mission: Short) -> None:
