@@ -71,7 +71,10 @@ def search(window: Window, prior: Prior, collected: list[Rows], colour_m: float)
     found = starts(prior, receivers)
     for kept, steps in ((_SCOUTED, 0), (_SOUGHT, 4)):
         fit = window.fit(found, steps)
-        found = fit.theta[np.argsort(fit.objective)[:kept]]
+        order = np.argsort(fit.objective).tolist()
+        # Of each mode one first: many starts lead to the best, and would crowd out the others.
+        modes = distinct(fit, -fit.objective) if steps else []
+        found = fit.theta[[*modes, *(k for k in order if k not in set(modes))][:kept]]
     fit = window.fit(found, _SEARCH)
     for _ in range(fit.residual.shape[-1] // 3):
         row, sigmas = window.worst(fit, int(np.argmin(fit.objective)))
