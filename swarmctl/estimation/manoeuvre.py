@@ -32,6 +32,7 @@ class Manoeuvre:
         speed_mps: 1-sigma of the velocity's jump per axis, about the emitter's top speed, m/s.
         every_s: Mean time between two manoeuvres, s.
         lasts_s: Mean length of one, s.
+        is_level: Whether it keeps its height: a car or a ship, where heights are estimated.
 
     Raises:
         EstimationError: A number is not finite and positive.
@@ -40,6 +41,7 @@ class Manoeuvre:
     speed_mps: float
     every_s: float = 60.0
     lasts_s: float = 1.0
+    is_level: bool = False
 
     def __post_init__(self) -> None:
         for name in ("speed_mps", "every_s", "lasts_s"):
@@ -49,14 +51,17 @@ class Manoeuvre:
                     f"{name} must be a finite number > 0, not {getattr(self, name)!r}."
                 )
 
-    @property
-    def psd(self) -> float:
-        """Spectral density of the acceleration meanwhile, per axis, m²/s³.
+    def axes(self, d: int) -> int:
+        """How many of ``d`` axes it happens along, the first ones."""
+        return min(d, 2) if self.is_level else d
+
+    def psd(self, d: int) -> Array:
+        """Spectral density of the acceleration meanwhile, of ``d`` axes, (d,), m²/s³.
 
         The velocity walks by another top speed in 20 s. (A tenth to ten times that makes no
         difference that could be measured.)
         """
-        return self.speed_mps**2 / 20.0
+        return np.where(np.arange(d) < self.axes(d), self.speed_mps**2 / 20.0, 0.0)
 
     def switching(self, dt: float) -> Array:
         """Probability of model j, ``dt`` seconds after model i, (2, 2)."""
@@ -92,7 +97,7 @@ class Manoeuvre:
             covariance
             + (share[..., 0, :] * share[..., 1, :])[..., None, None] * (spread[..., None, :, :])
         )
-        axes = np.arange(d, 2 * d)
+        axes = np.arange(d, d + self.axes(d))
         covariance[..., 1, axes, axes] += (share[..., 0, 1] * self.speed_mps**2)[..., None]
         return mixed, covariance, after
 

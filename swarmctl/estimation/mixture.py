@@ -94,7 +94,7 @@ class Model:
         """``psd`` of each model of motion, (models, d)."""
         if self.manoeuvre is None:
             return self.psd[None]
-        return np.stack([self.psd, self.psd + self.manoeuvre.psd])
+        return np.stack([self.psd, self.psd + self.manoeuvre.psd(self.d)])
 
 
 class Mixture:

@@ -98,5 +98,5 @@ def new_track(mission: Mission) -> Track:
         prior,
         receiver_errors(mission),
         process_noise(mission),
-        manoeuvre=Manoeuvre(speed) if speed > 0.0 else None,
+        manoeuvre=Manoeuvre(speed, is_level=True) if speed > 0.0 else None,
     )

@@ -38,6 +38,16 @@ def test_mixing_keeps_the_mixture_but_for_the_jump() -> None:
     np.testing.assert_allclose(total, wanted, atol=1e-9)
 
 
+def test_a_car_keeps_its_height() -> None:
+    level = Manoeuvre(speed_mps=20.0, is_level=True)
+    np.testing.assert_array_equal(level.psd(3), [20.0, 20.0, 0.0])
+    np.testing.assert_array_equal(level.psd(2), CAR.psd(2))
+    np.testing.assert_array_equal(CAR.psd(3), [20.0, 20.0, 20.0])
+    x, P, weight = np.zeros((2, 6)), np.stack([np.eye(6)] * 2), np.array([1.0, 0.0])
+    _, covariance, _ = level.mix(x, P, weight, 0.5, 3)
+    np.testing.assert_allclose(np.diagonal(covariance[1]), [1, 1, 1, 401, 401, 1])
+
+
 def test_a_mixture_is_matched_by_its_moments() -> None:
     x, P = np.array([[0.0, 0.0], [4.0, 0.0]]), np.stack([np.eye(2), 3.0 * np.eye(2)])
     mean, covariance = matched(x, P, np.array([0.75, 0.25]))
