@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 
 Short = Callable[..., Path]
 
-SPEEDUP = "10"
+SPEEDUP = "12"
 REQUIRED = {
     "result",
     "duration_s",

@@ -17,7 +17,7 @@ from swarmctl.estimation.consistency import mean_bounds
 from swarmctl.ops.in_memory import fly_in_memory
 
 MISSION = Path(__file__).parents[2] / "missions" / "beacon_real_clocks.yaml"
-SEEDS = range(1, 1 + int(os.environ.get("SEEDS", "4")))
+SEEDS = range(1, 1 + int(os.environ.get("SEEDS", "3")))
 COLUMNS = (
     "final_error_m",
     "final_sigma_m",

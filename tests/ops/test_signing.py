@@ -23,7 +23,7 @@ from tests.ops.test_sitl import BRIEF
 
 Short = Callable[..., Path]
 
-SPEEDUP = 8.0
+SPEEDUP = 10.0
 SIGNED: int = mavlink.MAVLINK_IFLAG_SIGNED
 
 
