@@ -152,8 +152,9 @@ def test_bad_input_is_a_sentence(
 def test_ctrl_c_ends_a_long_study(tmp_path: Path, workers: str) -> None:
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "swarmctl", "study", "consistency"),
-            *("--runs", "100000", "--case", "range-ignorant", "--workers", workers),
+            # A shell's background job starts with SIGINT ignored, and hands that on.
+            *("env", "--default-signal=INT", sys.executable, "-m", "swarmctl", "study"),
+            *("consistency", "--runs", "100000", "--case", "range-ignorant", "--workers", workers),
         ],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
