@@ -302,7 +302,7 @@ def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
         "demo", str(short_mission()), "--headless", "--speedup", SPEEDUP, "--out", str(out),
         cwd=tmp_path,
     )  # fmt: skip
-    command.until("forming")
+    command.until("to the orbit")
     command.interrupt()
     code, output, _ = command.end()
     assert code == 130
@@ -320,7 +320,7 @@ def test_a_second_ctrl_c_leaves_at_once_and_says_what_the_vehicles_do(
         "demo", str(short_mission()), "--headless", "--speedup", "5", "--out", str(out),
         cwd=tmp_path,
     )  # fmt: skip
-    command.until("forming")
+    command.until("to the orbit")
     command.interrupt()
     command.interrupt()  # as make and timeout pass a signal on: still the first
     command.until("to the launch points")
