@@ -66,7 +66,7 @@ def test_an_emitter_that_is_suddenly_elsewhere_is_sought_again_while_the_swarm_h
     fly(flight, 10.0)
     flight.fleet.emitter = flight.fleet.emitter + np.array([0.0, 250.0, 0.0])
     fly(flight, 8.0)
-    assert statuses(flight)[-2:] != ["tracking"]
+    assert "diverged" in statuses(flight)
     lost = next(
         d.at_s for d in flight.decisions if isinstance(d, HealthChanged) and d.status == "diverged"
     )
@@ -85,7 +85,7 @@ def test_an_emitter_that_is_suddenly_elsewhere_is_sought_again_while_the_swarm_h
     held = [d for d in flight.decisions if isinstance(d, Plan) and lost + 4.0 < d.at_s < found]
     assert all(math.hypot(*s.velocity_enu) < 0.5 for plan in held for s in plan.slots)
     texts = [d.text for d in flight.decisions if isinstance(d, Notice)]
-    assert len(texts) == len(set(texts)) or len(texts) < 8
+    assert sum("The track is lost" in text for text in texts) == statuses(flight).count("diverged")
 
 
 def test_noise_that_is_larger_than_claimed_freezes_the_design_and_is_told(flight: Flight) -> None:

@@ -5,18 +5,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 from swarmctl.estimation.consistency import mean_bounds
 from swarmctl.mission.loading import load_mission
-from swarmctl.ops.in_memory import fly_in_memory
+from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
-DEMO = Path(__file__).parents[2] / "missions" / "beacon_drift.yaml"
+DEMO = MISSIONS / "beacon_drift.yaml"
 SEEDS = range(1, 21)
 COLUMNS = (
     "final_error_m",
@@ -34,40 +29,27 @@ COLUMNS = (
 )
 
 
-def fly(seed: int) -> dict[str, object]:
-    return fly_in_memory(DEMO, seed=seed)
-
-
 @pytest.fixture(scope="module")
-def flights() -> list[dict[str, object]]:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(fly, SEEDS))
-    print("\nseed " + " ".join(f"{name.removesuffix('_m'):>14.14}" for name in COLUMNS))
-    for seed, flight in zip(SEEDS, found, strict=True):
-        print(f"{seed:4} " + " ".join(f"{float(str(flight[name])):14.3f}" for name in COLUMNS))
-    return found
+def flights() -> Flights:
+    return fly_seeds(DEMO, SEEDS, COLUMNS)
 
 
-def column(flights: list[dict[str, object]], name: str) -> np.ndarray:
-    return np.array([float(str(flight[name])) for flight in flights])
-
-
-def test_every_flight_locates_the_emitter(flights: list[dict[str, object]]) -> None:
+def test_every_flight_locates_the_emitter(flights: Flights) -> None:
     assert {flight["result"] for flight in flights} == {"located"}
 
 
-def test_every_sigma_is_within_twice_the_bound(flights: list[dict[str, object]]) -> None:
+def test_every_sigma_is_within_twice_the_bound(flights: Flights) -> None:
     ratio = column(flights, "final_sigma_m") / column(flights, "pcrb_final_m")
     assert ratio.max() <= 2.0
 
 
-def test_every_error_is_within_three_and_a_half_sigmas(flights: list[dict[str, object]]) -> None:
+def test_every_error_is_within_three_and_a_half_sigmas(flights: Flights) -> None:
     # At worst (a round ellipse) a right filter fails this for one flight in 460.
     ratio = column(flights, "final_error_m") / column(flights, "final_sigma_m")
     assert ratio.max() <= 3.5
 
 
-def test_the_error_bars_are_honest(flights: list[dict[str, object]]) -> None:
+def test_the_error_bars_are_honest(flights: Flights) -> None:
     # Each flight's mean is over some 3000 errors that stay correlated for tens of seconds: about
     # ten independent ones, so the mean of 20 such means wanders by 0.15 about 2.
     assert 1.2 <= column(flights, "nees_mean").mean() <= 3.0
@@ -76,12 +58,12 @@ def test_the_error_bars_are_honest(flights: list[dict[str, object]]) -> None:
     assert low <= column(flights, "nees_final").mean() <= high
 
 
-def test_the_estimate_sharpens_soon_after_forming_up(flights: list[dict[str, object]]) -> None:
+def test_the_estimate_sharpens_soon_after_forming_up(flights: Flights) -> None:
     # The Cramér-Rao bound alone, formed up from the start at 2.5 km, needs 32 s to 25 m.
     assert column(flights, "converged_s").max() <= 40.0
 
 
-def test_no_limit_is_broken(flights: list[dict[str, object]]) -> None:
+def test_no_limit_is_broken(flights: Flights) -> None:
     limits = load_mission(DEMO).limits
     assert column(flights, "max_reference_range_m").max() <= limits.d_max_m
     assert column(flights, "min_separation_m").min() >= limits.min_separation_m

@@ -6,17 +6,14 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from swarmctl.estimation.consistency import mean_bounds
-from swarmctl.ops.in_memory import fly_in_memory
+from swarmctl.mission.loading import load_mission
+from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
-MISSION = Path(__file__).parents[2] / "missions" / "beacon_real_clocks.yaml"
+MISSION = MISSIONS / "beacon_real_clocks.yaml"
 SEEDS = range(1, 1 + int(os.environ.get("SEEDS", "3")))
 COLUMNS = (
     "final_error_m",
@@ -34,30 +31,17 @@ COLUMNS = (
 )
 
 
-def fly(seed: int) -> dict[str, object]:
-    return fly_in_memory(MISSION, seed=seed)
-
-
 @pytest.fixture(scope="module")
-def flights() -> list[dict[str, object]]:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(fly, SEEDS))
-    print("\nseed " + " ".join(f"{name.removesuffix('_m'):>14.14}" for name in COLUMNS))
-    for seed, flight in zip(SEEDS, found, strict=True):
-        print(f"{seed:4} " + " ".join(f"{float(str(flight[name])):14.3f}" for name in COLUMNS))
-    return found
+def flights() -> Flights:
+    return fly_seeds(MISSION, SEEDS, COLUMNS)
 
 
-def column(flights: list[dict[str, object]], name: str) -> np.ndarray:
-    return np.array([float(str(flight[name])) for flight in flights])
-
-
-def test_every_flight_locates_the_emitter(flights: list[dict[str, object]]) -> None:
+def test_every_flight_locates_the_emitter(flights: Flights) -> None:
     assert {flight["result"] for flight in flights} == {"located"}
 
 
 def test_every_sigma_is_within_two_and_a_half_times_the_bound(
-    flights: list[dict[str, object]],
+    flights: Flights,
 ) -> None:
     """The bound knows nothing of echoes; it is that of the clocks and positions modelled."""
     ratio = column(flights, "final_sigma_m") / column(flights, "pcrb_final_m")
@@ -66,7 +50,7 @@ def test_every_sigma_is_within_two_and_a_half_times_the_bound(
     assert ratio.min() >= 0.8
 
 
-def test_the_error_bars_are_honest(flights: list[dict[str, object]]) -> None:
+def test_the_error_bars_are_honest(flights: Flights) -> None:
     """None lost, and the NEES of all at the last instant within 99.9 % of what is right."""
     nees = column(flights, "nees_final")
     low, high = mean_bounds(2, len(nees), 0.999)
@@ -74,7 +58,7 @@ def test_the_error_bars_are_honest(flights: list[dict[str, object]]) -> None:
     assert nees.max() < 30.0
 
 
-def test_echoes_are_set_aside_and_little_else(flights: list[dict[str, object]]) -> None:
+def test_echoes_are_set_aside_and_little_else(flights: Flights) -> None:
     """An RD is an echo's if either of its arrivals is: 1 - 0.95² of them, 9.75 %.
 
     All rows of an epoch are set aside with their reference: 5 % of the epochs. An echo of 50 m
@@ -85,6 +69,8 @@ def test_echoes_are_set_aside_and_little_else(flights: list[dict[str, object]]) 
     assert share.max() < 0.14
 
 
-def test_every_limit_is_kept(flights: list[dict[str, object]]) -> None:
-    assert column(flights, "min_separation_m").min() >= 8.0
-    assert column(flights, "min_standoff_m").min() >= 400.0
+def test_every_limit_is_kept(flights: Flights) -> None:
+    limits = load_mission(MISSION).limits
+    assert column(flights, "max_reference_range_m").max() <= limits.d_max_m
+    assert column(flights, "min_separation_m").min() >= limits.min_separation_m
+    assert column(flights, "min_standoff_m").min() >= limits.stand_off_m
