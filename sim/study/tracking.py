@@ -26,8 +26,9 @@ from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.augmented import star
 from swarmctl.estimation.augmented_bound import AugmentedBound
 from swarmctl.estimation.consistency import nees
-from swarmctl.estimation.estimator import Estimate, Estimator
+from swarmctl.estimation.estimator import Estimator
 from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.mixture import Estimate
 from swarmctl.estimation.motion import ConstantVelocity
 
 JUDGED = "tracker"

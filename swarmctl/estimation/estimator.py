@@ -46,13 +46,9 @@ from swarmctl.estimation.manoeuvre import Manoeuvre, matched
 from swarmctl.estimation.mixture import Estimate, Limits, Mixture, Model, is_probable
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.repetition import Repetition
-from swarmctl.estimation.robust import screen
+from swarmctl.estimation.robust import screen, tells_echoes
 from swarmctl.estimation.window import Fit, Window
 
-__all__ = ["Estimate", "Estimator", "Limits"]
-
-_CLEAR = 10.0
-"""A first innovation of more sigmas of white noise cannot tell an echo from a poor prior."""
 _MODES = 4
 """Modes carried at most."""
 _AHEAD_S = 5.0
@@ -263,10 +259,8 @@ class Estimator:
         mixture = Mixture(self._model, mean[None], covariance[None], np.zeros(1), {})
         mixture.admit(rows)
         S = mixture.innovate(rows, 0.0, None).S
-        white = np.diagonal(rows.covariance)
         receivers = np.concatenate([rows.first_at, rows.second_at])
-        unclear = (np.diagonal(S[0, 0]) > _CLEAR**2 * white).any()
-        if not (unclear or is_wide(self._prior, receivers)):
+        if tells_echoes(S[0, 0], rows) and not is_wide(self._prior, receivers):
             self._mixture, self._theta = mixture, mean[None]
             self._nominal = self.epoch_s, mean[None]
 

@@ -16,16 +16,13 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation import augmented, motion, ncrkf
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.estimator import Estimate, Limits
 from swarmctl.estimation.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.mixture import Estimate, Limits
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.repetition import Repetition
-from swarmctl.estimation.robust import Screened, screen
+from swarmctl.estimation.robust import Screened, screen, tells_echoes
 
-_CLEAR = 10.0
-"""While an innovation has more sigmas of white noise, nobody can tell an echo from a poor
-prior: nothing is set aside and nothing judged."""
 _WHITE = ReceiverErrors()
 
 
@@ -110,7 +107,8 @@ class LinearTrack:
             self._judge((), 0, ())
             return
         first = augmented.innovate(x, P, rows, {}, self._layout)
-        clear = (np.diagonal(first.S) <= _CLEAR**2 * np.diagonal(rows.covariance)).all()
+        # With a poor prior nothing is set aside, and nothing judged.
+        clear = tells_echoes(first.S, rows)
         everything = Screened(np.ones(len(rows.rd), dtype=np.bool_), rows.covariance, ())
         screened = screen(first.nu, first.S, rows) if clear else everything
         kept = screened.kept

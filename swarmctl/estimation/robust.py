@@ -20,6 +20,8 @@ from swarmctl.estimation.augmented import Rows
 
 GATE = 4.0
 """Sigmas beyond which an arrival is set aside: 6e-5 by chance."""
+_CLEAR = 10.0
+"""An innovation of more sigmas of white noise cannot tell an echo from a poor prior."""
 _ASIDE_M = 1e4
 """1-sigma of an arrival that is set aside, m."""
 _MOST_LINES = 500
@@ -39,6 +41,11 @@ class Screened(NamedTuple):
     kept: Mask
     covariance: Array
     aside: tuple[int, ...]
+
+
+def tells_echoes(S: Array, rows: Rows) -> bool:
+    """Whether an innovation of covariance S, (K, K), is narrow enough to show an echo."""
+    return bool((np.diagonal(S) <= _CLEAR**2 * np.diagonal(rows.covariance)).all())
 
 
 def screen(nu: Array, S: Array, rows: Rows, gate: float = GATE) -> Screened:

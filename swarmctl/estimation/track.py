@@ -6,9 +6,9 @@ from typing import Protocol
 
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.estimator import Estimate, Limits
 from swarmctl.estimation.health import Verdict
 from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.mixture import Estimate, Limits
 
 
 class Track(Protocol):

@@ -12,9 +12,10 @@ import numpy as np
 from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.estimator import Estimate, Estimator
+from swarmctl.estimation.estimator import Estimator
 from swarmctl.estimation.health import Verdict
 from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.mixture import Estimate
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.recordings.plain_ekf import PlainEkf
 from swarmctl.recordings.recording import Epoch, Receivers, rows_of

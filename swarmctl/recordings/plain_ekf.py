@@ -13,9 +13,9 @@ import numpy as np
 
 from swarmctl.estimation import augmented
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.estimator import Estimate
 from swarmctl.estimation.health import ALARM, Health, Verdict
 from swarmctl.estimation.initial import Prior
+from swarmctl.estimation.mixture import Estimate
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
 from swarmctl.estimation.repetition import Repetition
 from swarmctl.estimation.robust import screen

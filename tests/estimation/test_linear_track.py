@@ -11,9 +11,9 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation import motion, ncrkf
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.augmented import Rows, star
-from swarmctl.estimation.estimator import Limits
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.linear_track import LinearTrack
+from swarmctl.estimation.mixture import Limits
 from swarmctl.estimation.rd_model import range_differences
 
 PSD = (4e-4, 4e-4, 0.0)

@@ -14,10 +14,10 @@ from sim.study.tracker_cases import CASES, Case, Gap
 from sim.study.tracking import JUDGED, Tracked, fly_chunk
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.augmented import Rows
-from swarmctl.estimation.estimator import Estimate
 from swarmctl.estimation.health import Status, Verdict
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.manoeuvre import Manoeuvre
+from swarmctl.estimation.mixture import Estimate
 from swarmctl.estimation.nuisance import ReceiverErrors
 
 CASE = replace(
