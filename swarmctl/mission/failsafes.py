@@ -24,7 +24,7 @@ class Craft:
     Attributes:
         sysid: MAVLink system id.
         autopilot: ``ardupilot`` or ``px4``.
-        altitude_amsl_m: The altitude the mission gives it, m.
+        demands: What the mission asks of it.
         home_amsl_m: Altitude of its home, m.
         values: Those of :func:`parameters_of` its autopilot that it has told. What is not among
             them is not judged.
@@ -32,9 +32,14 @@ class Craft:
 
     sysid: int
     autopilot: str
-    altitude_amsl_m: float
+    demands: Demands
     home_amsl_m: float
     values: Mapping[str, float]
+
+    @property
+    def altitude_amsl_m(self) -> float:
+        """The altitude the mission gives it, m."""
+        return self.home_amsl_m + self.demands.height_m
 
     @property
     def return_amsl_m(self) -> float:
@@ -83,25 +88,25 @@ def required_of(autopilot: str) -> frozenset[str]:
 
 def advised_of(autopilot: str) -> frozenset[str]:
     """Names of those that a flight may do without, but not without saying so."""
-    optional = {rule.parameter for rule in RULES.get(autopilot, ()) if rule.optional}
-    return frozenset(parameters_of(autopilot)) - required_of(autopilot) - optional
+    if autopilot not in RULES:
+        return frozenset()
+    rules = [rule for rule in RULES[autopilot] if not rule.optional]
+    names = {name for rule in rules for name in (rule.parameter, *rule.needs)}
+    return frozenset(names) - required_of(autopilot)
 
 
-def unsafe(
-    crafts: Sequence[Craft], *, demands: Demands, separation_m: float, ceiling_amsl_m: float
-) -> list[Unsafe]:
+def unsafe(crafts: Sequence[Craft], *, separation_m: float, ceiling_amsl_m: float) -> list[Unsafe]:
     """What would keep the swarm from coming home safely and apart by itself.
 
     Args:
         crafts: The vehicles.
-        demands: What the mission asks of every vehicle.
         separation_m: Least difference between the altitudes of two returns, m.
         ceiling_amsl_m: Greatest altitude, m.
 
     Returns:
         Every unsafe parameter, in the order of the vehicles.
     """
-    found = [fault for craft in crafts for fault in _alone(craft, demands)]
+    found = [fault for craft in crafts for fault in _alone(craft)]
     crafts = [craft for craft in crafts if RETURN_ALTITUDE[craft.autopilot] in craft.values]
     levels = sorted(craft.return_amsl_m for craft in crafts)
     is_apart = all(high - low >= separation_m for low, high in itertools.pairwise(levels))
@@ -127,14 +132,14 @@ def unsafe(
     return found
 
 
-def _alone(craft: Craft, demands: Demands) -> Iterator[Unsafe]:
+def _alone(craft: Craft) -> Iterator[Unsafe]:
     """What is not right about one vehicle, whatever the others do; a parameter only once."""
     seen = set()
     for rule in RULES[craft.autopilot]:
         value = craft.values.get(rule.parameter)
         if value is None or rule.parameter in seen:
             continue
-        right = rule.right(value, craft.values, demands)
+        right = rule.right(value, craft.values, craft.demands)
         if right != value:
             seen.add(rule.parameter)
             yield Unsafe(craft.sysid, rule.parameter, value, right, rule.why, rule.weight)

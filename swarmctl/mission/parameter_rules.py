@@ -14,17 +14,23 @@ from enum import Enum, auto
 
 @dataclass(frozen=True)
 class Demands:
-    """What a mission asks of every vehicle.
+    """What a mission asks of a vehicle.
 
     Attributes:
         gcs_sysid: This controller's own system id.
         speed_mps: Greatest ground speed commanded, m/s.
         acceleration_mps2: Greatest acceleration commanded, m/s².
+        height_m: Above its home, m.
+        reach_m: Greatest horizontal distance from its home, m.
+        is_fenced: Whether it is given a fence.
     """
 
     gcs_sysid: int
     speed_mps: float
     acceleration_mps2: float
+    height_m: float
+    reach_m: float
+    is_fenced: bool
 
 
 class Weight(Enum):
@@ -32,6 +38,8 @@ class Weight(Enum):
 
     MUST = auto()
     """It is set if the operator consents; if not, nothing is started."""
+    OWN = auto()
+    """Nothing is started: it bounds the flight, so to widen it is the operator's own."""
     BETTER = auto()
     """It is set if the operator consents; if not, it is said."""
     KNOWN = auto()
@@ -53,7 +61,8 @@ class Rule:
         why: What the right value does, as a clause.
         weight: What becomes of it if it is not right.
         needs: Other parameters that ``right`` looks at.
-        optional: Whether some firmware does not have it; what that does instead is right.
+        optional: Whether some firmware does not have it, or what it needs; what that does
+            instead is right.
     """
 
     parameter: str
@@ -109,10 +118,50 @@ def _positive_or(other: str) -> Right:
     return right
 
 
+def _is_fence_on(values: Mapping[str, float]) -> bool:
+    return values.get("FENCE_ENABLE") == 1.0 or values.get("FENCE_AUTOENABLE", 0.0) > 0.0
+
+
+def _beyond(needed: Callable[[Demands], float], kind: int) -> Right:
+    """For ArduCopter's fence of one kind, by its bit: far enough out, or off."""
+
+    def right(value: float, others: Mapping[str, float], demands: Demands) -> float:
+        if not (_is_fence_on(others) and _bits(others.get("FENCE_TYPE", math.nan)) & kind):
+            return value
+        # It holds back so far inside.
+        margin_m = others.get("FENCE_MARGIN", 0.0)
+        return value if value - margin_m >= needed(demands) else math.nan
+
+    return right
+
+
+def _beyond_or_off(needed: Callable[[Demands], float]) -> Right:
+    """For PX4's: 0 is none, and actions 0 and 1 do nothing about it."""
+
+    def right(value: float, others: Mapping[str, float], demands: Demands) -> float:
+        acts = others.get("GF_ACTION", 0.0) > 1.0
+        return math.nan if acts and 0.0 < value < needed(demands) else value
+
+    return right
+
+
+def _minds_a_fence(value: float, others: Mapping[str, float], demands: Demands) -> float:
+    minded = _is_fence_on(others) and _bits(value) & 4
+    return value if minded or not demands.is_fenced else math.nan
+
+
+def _acts_at_a_fence(value: float, _others: Mapping[str, float], demands: Demands) -> float:
+    return math.nan if demands.is_fenced and value < 2.0 else value
+
+
+_BELOW_ITS_FENCE = "and the mission flies higher above its home: its own fence would end the flight"
+_WITHIN_ITS_FENCE = "and the mission may take it farther from its home, where that fence acts"
 _RETURNS_WITHOUT_GCS = "it returns home when its ground station falls silent"
 _RETURNS_BEFORE_EMPTY = "it returns home by itself when its battery is low"
 _NEVER_TERMINATES = "its motors do not stop in flight"
 _FAST_ENOUGH = "it can fly limits.max_speed_mps"
+
+_FENCE = ("FENCE_ENABLE", "FENCE_AUTOENABLE", "FENCE_TYPE", "FENCE_MARGIN")
 
 ARDUPILOT = (
     # 3 and 4 retrace each vehicle's own path, which may cross another's; 5 and 7 land it.
@@ -175,6 +224,30 @@ ARDUPILOT = (
         Weight.KNOWN,
         needs=("BATT_LOW_MAH",),
     ),
+    Rule(
+        "FENCE_ALT_MAX",
+        _beyond(lambda demands: demands.height_m, kind=1),
+        _BELOW_ITS_FENCE,
+        Weight.OWN,
+        needs=_FENCE,
+        optional=True,
+    ),
+    Rule(
+        "FENCE_RADIUS",
+        _beyond(lambda demands: demands.reach_m, kind=2),
+        _WITHIN_ITS_FENCE,
+        Weight.KNOWN,
+        needs=_FENCE,
+        optional=True,
+    ),
+    Rule(
+        "FENCE_TYPE",
+        _minds_a_fence,
+        "so it does not mind the fence uploaded to it: FENCE_ENABLE must be 1, and 4 in FENCE_TYPE",
+        Weight.KNOWN,
+        needs=_FENCE,
+        optional=True,
+    ),
 )
 """ArduCopter's."""
 
@@ -211,6 +284,29 @@ PX4 = (
     Rule("COM_LOW_BAT_ACT", _among({3.0}, 3.0), _RETURNS_BEFORE_EMPTY, Weight.BETTER),
     # OFFBOARD is not bound by MPC_XY_CRUISE.
     Rule("MPC_XY_VEL_MAX", _at_least(lambda demands: demands.speed_mps), _FAST_ENOUGH),
+    Rule(
+        "GF_MAX_VER_DIST",
+        _beyond_or_off(lambda demands: demands.height_m),
+        _BELOW_ITS_FENCE,
+        Weight.OWN,
+        needs=("GF_ACTION",),
+        optional=True,
+    ),
+    Rule(
+        "GF_MAX_HOR_DIST",
+        _beyond_or_off(lambda demands: demands.reach_m),
+        _WITHIN_ITS_FENCE,
+        Weight.KNOWN,
+        needs=("GF_ACTION",),
+        optional=True,
+    ),
+    Rule(
+        "GF_ACTION",
+        _acts_at_a_fence,
+        "so it does nothing at the fence uploaded to it: 2 would hold it, 3 bring it home",
+        Weight.KNOWN,
+        optional=True,
+    ),
 )
 """PX4's."""
 

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 
 from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
+from swarmctl.frames import Vector
 from swarmctl.mission.failsafes import (
     Craft,
     Unsafe,
@@ -63,7 +64,10 @@ class Settings:
                     commands.append(ReadParameter(sysid=vehicle.sysid, parameter=name))
         if not (may_set and self._mission.swarm.set_failsafes):
             return commands
-        for fault in self.faults():
+        faults = self.faults()
+        if any(fault.weight is Weight.OWN for fault in faults):
+            return commands
+        for fault in faults:
             if fault.weight is Weight.KNOWN:
                 continue
             vehicle = self._fleet.vehicles[fault.sysid]
@@ -93,40 +97,45 @@ class Settings:
         vehicles = list(self._fleet.vehicles.values())
         if any(self._missing(v) or v.launch_enu is None for v in vehicles):
             return []
-        ground = self._mission.origin.alt_amsl_m
         limits = self._mission.limits
         return unsafe(
             [
-                Craft(
-                    v.sysid,
-                    v.heartbeat.autopilot,
-                    v.altitude_amsl_m,
-                    ground + v.launch_enu[2],
-                    v.known_parameters,
-                )
+                self._craft(v, v.heartbeat.autopilot, v.launch_enu)
                 for v in vehicles
                 if v.heartbeat is not None
                 and v.launch_enu is not None
                 and parameters_of(v.heartbeat.autopilot)
             ],
-            demands=Demands(
-                self._mission.swarm.gcs_sysid, limits.max_speed_mps, limits.max_acceleration_mps2
-            ),
             separation_m=limits.min_separation_m,
             ceiling_amsl_m=limits.ceiling_amsl_m,
         )
 
+    def _craft(self, vehicle: VehicleState, autopilot: str, home_enu: Vector) -> Craft:
+        mission, limits = self._mission, self._mission.limits
+        home_amsl_m = mission.origin.alt_amsl_m + home_enu[2]
+        demands = Demands(
+            mission.swarm.gcs_sysid,
+            limits.max_speed_mps,
+            limits.max_acceleration_mps2,
+            height_m=vehicle.altitude_amsl_m - home_amsl_m,
+            reach_m=limits.geofence_radius_m + math.hypot(*home_enu[:2]),
+            is_fenced=limits.upload_geofence,
+        )
+        return Craft(vehicle.sysid, autopilot, demands, home_amsl_m, vehicle.known_parameters)
+
     def refusal(self) -> str | None:
         """Why the swarm must not fly as its vehicles are set; None if it may."""
-        if self._mission.swarm.set_failsafes:
-            return None
-        verdicts = self._verdicts([f for f in self.faults() if f.weight is Weight.MUST])
-        if not verdicts:
-            return None
-        return (
-            f"{'; '.join(verdicts)}. Set these on the vehicles, or let swarmctl set them for the"
-            " flight with --set-failsafes or, in the mission, swarm.set_failsafes: true"
-        )
+        faults = self.faults()
+        said = []
+        if own := self._verdicts([f for f in faults if f.weight is Weight.OWN]):
+            said.append(f"{'; '.join(own)}. Change that on the vehicles, or fly lower")
+        settable = self._verdicts([f for f in faults if f.weight is Weight.MUST])
+        if settable and not self._mission.swarm.set_failsafes:
+            said.append(
+                f"{'; '.join(settable)}. Set these on the vehicles, or let swarmctl set them for"
+                " the flight with --set-failsafes or, in the mission, swarm.set_failsafes: true"
+            )
+        return ". ".join(said) or None
 
     def warnings(self) -> list[str]:
         """What else the operator should know of how the vehicles are set, once all is read."""
@@ -137,7 +146,8 @@ class Settings:
             for name in sorted(advised_of(vehicle.heartbeat.autopilot))
             if name not in vehicle.known_parameters
         ]
-        return [*untold, *self._verdicts([f for f in self.faults() if f.weight is not Weight.MUST])]
+        said = [f for f in self.faults() if f.weight in {Weight.BETTER, Weight.KNOWN}]
+        return [*untold, *self._verdicts(said)]
 
     def _verdicts(self, faults: list[Unsafe]) -> list[str]:
         """A clause for each fault, for all vehicles that have it."""

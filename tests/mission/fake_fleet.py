@@ -65,6 +65,12 @@ ARDUPILOT_SAFE = {
     "BATT_FS_CRT_ACT": 1.0,
     "BATT_LOW_VOLT": 10.5,
     "BATT_LOW_MAH": 0.0,
+    "FENCE_ENABLE": 0.0,
+    "FENCE_AUTOENABLE": 0.0,
+    "FENCE_TYPE": 7.0,
+    "FENCE_MARGIN": 2.0,
+    "FENCE_ALT_MAX": 100.0,
+    "FENCE_RADIUS": 300.0,
 }
 PX4_SAFE = {
     "NAV_DLL_ACT": 2.0,
@@ -77,6 +83,9 @@ PX4_SAFE = {
     "COM_RC_IN_MODE": 3.0,
     "COM_LOW_BAT_ACT": 3.0,
     "MPC_XY_VEL_MAX": 20.0,
+    "GF_ACTION": 2.0,
+    "GF_MAX_VER_DIST": 0.0,
+    "GF_MAX_HOR_DIST": 0.0,
 }
 
 

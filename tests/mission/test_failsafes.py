@@ -12,17 +12,26 @@ from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE
 
 COPTER = ARDUPILOT_SAFE | {"RTL_ALT_M": 15.0}
 PX4 = PX4_SAFE | {"RTL_RETURN_ALT": 30.0}
-DEMANDS = Demands(gcs_sysid=245, speed_mps=7.3, acceleration_mps2=1.5)
 GROUND_M = 50.0
 
 
-def craft(sysid: int, above_home_m: float, values: dict[str, float]) -> Craft:
+def craft(
+    sysid: int, above_home_m: float, values: dict[str, float], *, is_fenced: bool = False
+) -> Craft:
     autopilot = "ardupilot" if "RTL_ALT_M" in values else "px4"
-    return Craft(sysid, autopilot, GROUND_M + above_home_m, GROUND_M, values)
+    demands = Demands(
+        gcs_sysid=245,
+        speed_mps=7.3,
+        acceleration_mps2=1.5,
+        height_m=above_home_m,
+        reach_m=2000.0,
+        is_fenced=is_fenced,
+    )
+    return Craft(sysid, autopilot, demands, GROUND_M, values)
 
 
 def judged(*crafts: Craft) -> list[tuple[int, str, float]]:
-    found = unsafe(crafts, demands=DEMANDS, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
+    found = unsafe(crafts, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
     return [(fault.sysid, fault.parameter, fault.right) for fault in found]
 
 
@@ -117,7 +126,6 @@ def test_what_a_flight_may_do_without(
 ) -> None:
     found = unsafe(
         [craft(7, 40.0, values | changed)],
-        demands=DEMANDS,
         separation_m=8.0,
         ceiling_amsl_m=GROUND_M + 100.0,
     )
@@ -128,6 +136,59 @@ def test_what_a_flight_may_do_without(
     assert fault.weight is weight
     assert fault.parameter == right[0]
     assert fault.right == pytest.approx(right[1], nan_ok=True)
+
+
+FENCED = COPTER | {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 2002.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "changed", "fault", "weight"),
+    [
+        # Flying 40 m above home, and at most 2000 m from there.
+        (FENCED, {"FENCE_ALT_MAX": 42.0}, None, None),
+        (FENCED, {"FENCE_ALT_MAX": 41.0}, "FENCE_ALT_MAX", Weight.OWN),
+        (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_MARGIN": 1.0}, None, None),
+        (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_TYPE": 6.0}, None, None),
+        (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_ENABLE": 0.0}, None, None),
+        (
+            FENCED,
+            {"FENCE_ALT_MAX": 41.0, "FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0},  # when armed
+            "FENCE_ALT_MAX",
+            Weight.OWN,
+        ),
+        (FENCED, {"FENCE_RADIUS": 2001.0}, "FENCE_RADIUS", Weight.KNOWN),
+        (FENCED, {"FENCE_RADIUS": 2001.0, "FENCE_TYPE": 5.0}, None, None),
+        (PX4, {"GF_MAX_VER_DIST": 40.0}, None, None),
+        (PX4, {"GF_MAX_VER_DIST": 39.0}, "GF_MAX_VER_DIST", Weight.OWN),
+        (PX4, {"GF_MAX_VER_DIST": 39.0, "GF_ACTION": 1.0}, None, None),  # says it only
+        (PX4, {"GF_MAX_HOR_DIST": 1999.0}, "GF_MAX_HOR_DIST", Weight.KNOWN),
+        (PX4, {"GF_MAX_HOR_DIST": 2000.0}, None, None),
+    ],
+)
+def test_a_fence_of_its_own_must_not_end_the_flight(
+    values: dict[str, float], changed: dict[str, float], fault: str | None, weight: Weight | None
+) -> None:
+    found = unsafe([craft(7, 40.0, values | changed)], separation_m=8.0, ceiling_amsl_m=150.0)
+    assert [(f.parameter, f.weight) for f in found] == ([] if fault is None else [(fault, weight)])
+    assert all(math.isnan(f.right) for f in found)
+
+
+@pytest.mark.parametrize(
+    ("values", "fault"),
+    [
+        (FENCED, None),
+        (FENCED | {"FENCE_TYPE": 3.0}, "FENCE_TYPE"),
+        (FENCED | {"FENCE_ENABLE": 0.0}, "FENCE_TYPE"),
+        (PX4, None),
+        (PX4 | {"GF_ACTION": 1.0}, "GF_ACTION"),
+    ],
+)
+def test_it_is_said_when_the_fence_uploaded_to_it_does_nothing(
+    values: dict[str, float], fault: str | None
+) -> None:
+    assert judged(craft(7, 40.0, values)) == []
+    found = unsafe([craft(7, 40.0, values, is_fenced=True)], separation_m=8.0, ceiling_amsl_m=150.0)
+    assert [f.parameter for f in found] == ([] if fault is None else [fault])
 
 
 @pytest.mark.parametrize(("name", "values"), [("RTL_ALT_M", COPTER), ("RTL_RETURN_ALT", PX4)])

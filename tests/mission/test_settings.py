@@ -234,6 +234,22 @@ def test_with_consent_it_is_set_unless_it_depends_on_the_vehicle() -> None:
     assert flown.fleet.vehicles[3].parameters == before
 
 
+@pytest.mark.parametrize("consent", [False, True])
+def test_a_fence_of_its_own_is_the_operators_to_widen(consent: bool) -> None:
+    flown = flight(set_failsafes=consent)
+    flown.fleet.vehicles[2].parameters |= {"FENCE_ENABLE": 1.0, "FENCE_ALT_MAX": 20.0}
+    flown.fleet.vehicles[3].parameters |= {"FS_GCS_ENABLE": 0.0}
+    flown.run("ended")
+    code, said = flown.controller.result
+    assert code == "unsafe_failsafes"
+    assert said.startswith(
+        "vehicle 2: FENCE_ALT_MAX is 20, and the mission flies higher above its home: its own"
+        " fence would end the flight. Change that on the vehicles, or fly lower"
+    )
+    assert ("vehicle 3: FS_GCS_ENABLE is 0" in said) is not consent
+    assert writes(flown) == []
+
+
 def test_what_a_flight_may_do_without_is_asked_for_twice_and_then_said() -> None:
     flown = flight(set_failsafes=True)
     del flown.fleet.vehicles[2].parameters["BATT_FS_LOW_ACT"]
