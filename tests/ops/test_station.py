@@ -191,3 +191,26 @@ def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_
         assert 8.9 < vehicle.position_hz < 10.2
         # 10 m/s by default, by whatever name; the mission wants 13.
         assert vehicle.known_parameters["WP_SPD"] == 13.0
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "fence"),
+    [
+        ("ardupilot", {"FENCE_ENABLE": 1.0, "FENCE_ALT_MAX": 20.0}),
+        ("px4", {"GF_ACTION": 3.0, "GF_MAX_VER_DIST": 20.0}),
+    ],
+)
+def test_a_vehicle_fenced_in_below_the_flight_is_not_started(
+    autopilot: str, fence: dict[str, float]
+) -> None:
+    mission = parse_mission(
+        short_mission_text(sim__autopilot=autopilot, swarm__autopilot=autopilot)
+    )
+    config = sim_config(mission, 1, UTC_S)
+    first, *others = config.vehicles
+    fenced = replace(first, parameters=(*first.parameters, *fence.items()))
+    world = World(replace(config, vehicles=(fenced, *others)))
+    ground = checked(world, Station(mission, 0.0, UTC_S, None))
+    code, said = ground.controller.result
+    assert code == "unsafe_failsafes", said
+    assert f"vehicle {first.sysid}: {list(fence)[1]} is 20, and the mission flies higher" in said
