@@ -42,7 +42,7 @@ from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.initial import Prior, is_wide
-from swarmctl.estimation.manoeuvre import Manoeuvre, matched
+from swarmctl.estimation.manoeuvre import BELIEVED, Manoeuvre, matched
 from swarmctl.estimation.mixture import Estimate, Limits, Mixture, Model, is_probable
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.repetition import Repetition
@@ -55,8 +55,6 @@ _AHEAD_S = 5.0
 _STRAIGHT = 0.05
 """The window ends when the curvature of the RDs over the spread expected ``_AHEAD_S`` from now
 is below this share of their white noise."""
-_TURNED = 0.9
-"""Probability of a manoeuvre that ends the window."""
 
 
 class Estimator:
@@ -361,7 +359,7 @@ class Estimator:
         best = mixture.best
         sight = mixture.x[best, 0, : self._model.d] - rows.second_at
         nearest = float(np.sqrt(np.vecdot(sight, sight)).min())
-        turned, self._turning = self._turning > _TURNED, 0.0
+        turned, self._turning = self._turning > BELIEVED, 0.0
         if turned or window.is_stretched(nearest):
             self._window = None
             return

@@ -391,6 +391,31 @@ def test_an_emitter_that_stops_is_found_again() -> None:
     assert math.sqrt(np.mean(ratios)) < 2.0
 
 
+def test_who_is_ready_for_a_manoeuvre_loses_little_while_there_is_none() -> None:
+    """10 % of the RMSE, and of the claimed sigma, of who is told that there are none.
+
+    What the estimates are apart, in units of the covariance, adds to a squared error of 2.
+    """
+    start = np.diag([1111.0, 1111.0, 100.0, 100.0])
+    apart, wider = [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        run = flight(rng, ReceiverErrors(), 12.0)
+        prior = Prior(run.emitter[0] + np.sqrt(np.diag(start)) * rng.standard_normal(4), start)
+        ready, sure = (
+            Estimator(prior, ReceiverErrors(), (0.0, 0.0), manoeuvre=manoeuvre)
+            for manoeuvre in (CAR, None)
+        )
+        for rows in run.rows:
+            ready.update(rows)
+            sure.update(rows)
+        found, best = ready.estimates()[0], sure.estimates()[0]
+        apart.append(float(nees((found.x - best.x)[:2], best.P[:2, :2])))
+        wider.append(float(np.trace(found.P[:2, :2]) / np.trace(best.P[:2, :2])))
+    assert np.mean(wider) < 1.1**2
+    assert np.mean(apart) < 2.0 * (1.1**2 - 1.0)
+
+
 @pytest.mark.parametrize("wrong", [(0.1,), (0.1, -1.0), (0.1, math.nan), (0.1,) * 4])
 def test_process_noise_that_cannot_be_is_refused(wrong: tuple[float, ...]) -> None:
     with pytest.raises(EstimationError, match="process_noise"):

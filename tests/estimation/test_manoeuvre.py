@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.manoeuvre import Manoeuvre, matched
+from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.manoeuvre import BELIEVED, Manoeuvre, matched
 
 CAR = Manoeuvre(speed_mps=20.0, every_s=60.0, lasts_s=1.0)
 
@@ -21,12 +22,16 @@ def test_switching_is_a_markov_chain_in_continuous_time() -> None:
     np.testing.assert_allclose(CAR.switching(1e4)[0], [60.0 / 61.0, 1.0 / 61.0])
 
 
-def test_mixing_keeps_the_mixture_but_for_the_jump() -> None:
+def mixture(count: int) -> tuple[Array, Array]:
+    """States and covariances of two models, (count, 2, ...)."""
     rng = np.random.default_rng(0)
-    x = rng.normal(0.0, 5.0, (3, 2, 6))
-    roots = rng.standard_normal((3, 2, 6, 6))
-    P = roots @ roots.mT
-    weight = np.array([[0.7, 0.3], [0.01, 0.99], [1.0, 0.0]])
+    roots = rng.standard_normal((count, 2, 6, 6))
+    return rng.normal(0.0, 5.0, (count, 2, 6)), roots @ roots.mT
+
+
+def test_mixing_with_a_manoeuvre_believed_keeps_the_mixture_but_for_the_jump() -> None:
+    x, P = mixture(3)
+    weight = np.array([[0.009, 0.991], [0.001, 0.999], [1.0, 0.0]])
     mixed, covariance, after = CAR.mix(x, P, weight, 0.5, 2)
     np.testing.assert_allclose(after, weight @ CAR.switching(0.5))
     mean, total = matched(mixed, covariance, after)
@@ -36,6 +41,21 @@ def test_mixing_keeps_the_mixture_but_for_the_jump() -> None:
     for axis in (2, 3):
         wanted[:, axis, axis] += entered * 400.0
     np.testing.assert_allclose(total, wanted, atol=1e-9)
+
+
+def test_the_quiet_model_takes_nothing_from_a_manoeuvre_that_is_not_believed() -> None:
+    """But its probability, and model 1 is the mixture of what stayed and what jumped."""
+    x, P = mixture(3)
+    weight = np.array([[0.98, 0.02], [0.5, 0.5], [1.0 - BELIEVED, BELIEVED]])
+    mixed, covariance, after = CAR.mix(x, P, weight, 0.5, 2)
+    np.testing.assert_allclose(mixed[:, 0], x[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(covariance[:, 0], P[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(after, weight @ CAR.switching(0.5))
+    came, stayed = weight[:, 0] * CAR.switching(0.5)[0, 1], weight[:, 1] * CAR.switching(0.5)[1, 1]
+    P[:, 0, [2, 3], [2, 3]] += 400.0
+    wanted_mean, wanted = matched(x, P, np.stack([came, stayed], -1) / (came + stayed)[:, None])
+    np.testing.assert_allclose(mixed[:, 1], wanted_mean)
+    np.testing.assert_allclose(covariance[:, 1], wanted)
 
 
 def test_a_car_keeps_its_height() -> None:
