@@ -17,8 +17,9 @@ import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import augmented
-from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.augmented import Innovation, Rows
+from swarmctl.estimation.contrast import Contrast, nothing
 from swarmctl.estimation.manoeuvre import Manoeuvre, matched
 from swarmctl.estimation.nuisance import Layout, ReceiverErrors, predict
 
@@ -27,9 +28,9 @@ _IMPROBABLE = 1e-4
 _ALONE = ReceiverErrors()
 
 
-def is_probable(log_probability: Array) -> Array:
+def is_probable(log_probability: Array) -> Mask:
     """Which modes are not to be forgotten, (S,) of booleans."""
-    probable: Array = log_probability > log_probability.max() + math.log(_IMPROBABLE)
+    probable: Mask = log_probability > log_probability.max() + math.log(_IMPROBABLE)
     return probable
 
 
@@ -127,6 +128,10 @@ class Mixture:
         self.weight: Array = np.broadcast_to(np.eye(count[1])[0], count).copy()
         self.log_probability = log_probability
         self.places = places
+        # What it was at first, and what has been measured since.
+        self._at_first = log_probability
+        self._measured: Array = np.zeros(len(x))
+        self._contrast = nothing(len(x))
 
     def keep_manoeuvre(self, before: Mixture, modes: Sequence[int]) -> None:
         """Go on believing what was believed of a manoeuvre.
@@ -209,11 +214,22 @@ class Mixture:
         of_modes: Array = (highest + np.log(total))[:, 0]
         return of_modes
 
-    def compare(self, log_likelihood: Array) -> None:
-        """Weigh the modes by a measurement's likelihoods, (S,), and forget the improbable."""
-        log_probability = self.log_probability + log_likelihood
+    def compare(self, log_likelihood: Array, contrast: Contrast) -> None:
+        """Weigh the modes by a measurement, and forget the improbable.
+
+        Args:
+            log_likelihood: Of it by each mode, (S,).
+            contrast: Between any two of them, of (S, S).
+        """
+        self._measured = self._measured + log_likelihood
+        self._contrast = self._contrast + contrast
+        best = int(np.argmax(self._at_first + self._measured))
+        ratio = self._contrast.share[best] * (self._measured - self._measured[best])
+        log_probability = self._at_first + ratio
         kept = is_probable(log_probability)
         self.log_probability = log_probability[kept]
+        self._at_first, self._measured = self._at_first[kept], self._measured[kept]
+        self._contrast = self._contrast.where(kept)
         self.x, self.P, self.weight = self.x[kept], self.P[kept], self.weight[kept]
 
     # --- What is known --------------------------------------------------------------------
