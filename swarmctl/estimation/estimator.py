@@ -283,9 +283,7 @@ class Estimator:
         modes = distinct(fit, score)
         data = -0.5 * np.vecdot(fit.residual, fit.residual)
         for k in modes[1:]:
-            # What the positions' noise made of it is no evidence.
-            share = window.contrast(fit, modes[0], k).share
-            score[k] += (1.0 - share) * (data[modes[0]] - data[k])
+            score[k] += window.evidence(fit, modes[0], k) - (data[k] - data[modes[0]])
         probable = is_probable(score[modes])
         chosen = [k for k, is_kept in zip(modes, probable, strict=True) if is_kept]
         chosen = sorted(chosen, key=lambda k: -score[k])[:_MODES]

@@ -148,6 +148,22 @@ def test_of_positions_white_noise_counts_in_every_block_and_what_lasts_counts_on
     assert noise(0.0, lasting, 40) == pytest.approx(noise(0.0, lasting, 2), rel=0.05)
 
 
+def test_modes_are_told_apart_by_as_much_as_the_rows_scatter_whatever_they_were_told() -> None:
+    """Where no mode fits, that is. Told a third or a twentieth of the noise, all is the same."""
+    run = flight(np.random.default_rng(7), ReceiverErrors(), 2.0)
+    modes = np.stack([run.emitter[0], run.emitter[0] + [0.0, 30.0, 0.0, 0.0]])
+    found = []
+    for told in (1.0 / 9.0, 1.0 / 400.0):
+        window = Window(modes[0], np.eye(4), ReceiverErrors(), np.zeros(2), 0.0)
+        for rows in run.rows:
+            window.points.add(rows._replace(covariance=told * rows.covariance))
+        fit = window.fit(modes, 0)
+        found.append(window.evidence(fit, 0, 1))
+        assert window.evidence(fit, 1, 0) > 0.0
+    assert found[0] < -10.0
+    assert found[1] == pytest.approx(found[0], rel=1e-2)
+
+
 def test_a_window_without_rows_has_no_trajectory() -> None:
     with pytest.raises(EstimationError, match="without measurements"):
         Window(np.zeros(4), np.eye(4), REAL, PSD, 0.0).fit(np.zeros((1, 4)))

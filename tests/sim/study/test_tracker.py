@@ -16,7 +16,7 @@ import pytest
 
 from sim.study import registry, tracker_cases
 from sim.study import tracker as study
-from sim.study.engagement import Engagement, fly
+from sim.study.engagement import Engagement, Turn, fly
 from sim.study.executors import executing
 from sim.study.jsonable import dumps
 from sim.study.tally import BoundTally, Figure
@@ -81,9 +81,17 @@ def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.Monk
     assert len(held) == {"echoes": 5, "line": 1, "no-prior": 2}.get(name, 0)
 
 
+@pytest.mark.parametrize("turn", [None, Turn(3.0, math.pi / 2.0, 1.0)], ids=["straight", "turning"])
 @pytest.mark.usefixtures("alone")
-def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side() -> None:
-    """Of 200 that took their positions' noise for geometry 114 were wrong: 8 right is 1 in 850."""
+def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
+    turn: Turn | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 200 that took their positions' noise for geometry 114 were wrong: 8 right is 1 in 850.
+
+    Of an emitter that turns too, whose straight trajectories do not fit for a while.
+    """
+    case = replace(CASES["line-hovering"], turn=turn)
+    monkeypatch.setattr(study, "CASES", {"line-hovering": case})
     row = tracker(runs=8, cases=("line-hovering",))[0]
     assert row.shortfalls == ()
     measures = {measure.name: measure for measure in row.measures}
