@@ -62,6 +62,19 @@ def test_what_the_noise_of_positions_says_of_modes_is_not_believed() -> None:
     assert found == pytest.approx([odds / (odds + 1.0), 1.0 / (odds + 1.0)])
 
 
+def test_each_mode_is_weighed_against_the_best() -> None:
+    """The first two are mirror images; how far the others differ would be another sum."""
+    before = two_modes()
+    x, P = np.repeat(before.x[:, 0], 2, 0)[:3], np.repeat(before.P[:, 0], 2, 0)[:3]
+    mixture = Mixture(Model(np.zeros(2), REAL, None), x, P, np.array([0.0, 0.0, -8.0]), {})
+    share = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.5], [1.0, 0.5, 0.0]])
+    mixture.compare(
+        np.array([0.0, -30.0, 6.0]),
+        Contrast(100.0 * np.ones((3, 3)), 100.0 * (1.0 - share), np.zeros((3, 3))),
+    )
+    np.testing.assert_allclose(mixture.log_probability, [0.0, 0.0, -2.0])
+
+
 def test_a_receiver_begins_with_what_is_assumed_of_its_errors_once() -> None:
     mixture = two_modes(CAR)
     rows = flight(np.random.default_rng(0), REAL, 0.1).rows[0]

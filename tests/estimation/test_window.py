@@ -149,17 +149,22 @@ def test_of_positions_white_noise_counts_in_every_block_and_what_lasts_counts_on
 
 
 def test_modes_are_told_apart_by_as_much_as_the_rows_scatter_whatever_they_were_told() -> None:
-    """Where no mode fits, that is. Told a third or a twentieth of the noise, all is the same."""
+    """Where no mode fits, that is. Told a third or a twentieth of all noise, all is the same."""
     run = flight(np.random.default_rng(7), ReceiverErrors(), 2.0)
     modes = np.stack([run.emitter[0], run.emitter[0] + [0.0, 30.0, 0.0, 0.0]])
-    found = []
-    for told in (1.0 / 9.0, 1.0 / 400.0):
+    found, shares = [], []
+    for told in (1.0 / 3.0, 1.0 / 20.0):
         window = Window(modes[0], np.eye(4), ReceiverErrors(), np.zeros(2), 0.0)
         for rows in run.rows:
-            window.points.add(rows._replace(covariance=told * rows.covariance))
+            # So much that it matters between places as near to each other as these.
+            window.points.add(
+                rows._replace(covariance=told**2 * rows.covariance, position_m=300.0 * told)
+            )
         fit = window.fit(modes, 0)
         found.append(window.evidence(fit, 0, 1))
-        assert window.evidence(fit, 1, 0) > 0.0
+        shares.append(window.contrast(fit, 0, 1).share)
+    assert shares[0] < 0.95
+    assert shares[1] > 0.99
     assert found[0] < -10.0
     assert found[1] == pytest.approx(found[0], rel=1e-2)
 
