@@ -172,7 +172,10 @@ class Estimator:
         return self._mixture is not None
 
     def estimates(self) -> list[Estimate]:
-        """What is known at :attr:`epoch_s`, the most probable first; empty if nothing is."""
+        """What is known at :attr:`epoch_s`, empty if nothing is.
+
+        The most probable first; of several that hardly differ, the one that was so before.
+        """
         return [] if self._mixture is None else self._mixture.estimates(self.epoch_s)
 
     def predict_to(self, epoch_s: float) -> Estimate:
@@ -387,6 +390,8 @@ class Estimator:
         renewed, chosen = self._taken(window, window.fit(self._theta))
         renewed.admit(rows)
         renewed.keep_manoeuvre(mixture, chosen)
+        if best in chosen:
+            renewed.keep_best(chosen.index(best))
         self._mixture = renewed
         if self.is_resolved and self._is_straight(renewed, rows):
             self._window = None

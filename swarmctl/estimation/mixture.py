@@ -107,6 +107,7 @@ class Mixture:
         weight: Probability of each model given the mode, (S, M).
         log_probability: Of each mode, up to a constant, (S,).
         places: Where each receiver's states begin, by id.
+        best: Number of the mode to go by: the most probable, but for :meth:`keep_best`.
 
     Args:
         model: How emitter and receivers behave.
@@ -128,6 +129,7 @@ class Mixture:
         self.weight: Array = np.broadcast_to(np.eye(count[1])[0], count).copy()
         self.log_probability = log_probability
         self.places = places
+        self.best = int(np.argmax(log_probability))
         # What it was at first, and what has been measured since.
         self._at_first = log_probability
         self._measured: Array = np.zeros(len(x))
@@ -149,10 +151,14 @@ class Mixture:
         self.P[:, 1:] = before.P[chosen][:, 1:][..., index[:, None], index]
         self.weight = before.weight[chosen]
 
-    @property
-    def best(self) -> int:
-        """Number of the most probable mode."""
-        return int(np.argmax(self.log_probability))
+    def keep_best(self, mode: int) -> None:
+        """Go on with the mode that was the best, unless another is twice as probable by now.
+
+        Else who is led by it would be led to and fro between two that nothing tells apart.
+        """
+        most = int(np.argmax(self.log_probability))
+        is_near = self.log_probability[mode] > self.log_probability[most] - math.log(2.0)
+        self.best = mode if is_near else most
 
     # --- Time and measurement -------------------------------------------------------------
 
@@ -231,11 +237,15 @@ class Mixture:
         self._at_first, self._measured = self._at_first[kept], self._measured[kept]
         self._contrast = self._contrast.where(kept)
         self.x, self.P, self.weight = self.x[kept], self.P[kept], self.weight[kept]
+        if kept[self.best]:
+            self.keep_best(int(kept[: self.best].sum()))
+        else:
+            self.best = int(np.argmax(self.log_probability))
 
     # --- What is known --------------------------------------------------------------------
 
     def estimates(self, epoch_s: float) -> list[Estimate]:
-        """Each mode, the most probable first.
+        """Each mode, :attr:`best` first, then the most probable.
 
         Args:
             epoch_s: Of the states, s.
@@ -243,7 +253,7 @@ class Mixture:
         probability = self._probabilities()
         n = 2 * self._model.d
         found = []
-        for k in np.argsort(-probability):
+        for k in sorted(range(len(self.x)), key=lambda k: (k != self.best, -probability[k])):
             x, P = matched(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
             turning = float(self.weight[k, 1:].sum())
             found.append(Estimate(epoch_s, x, P, float(probability[k]), turning))

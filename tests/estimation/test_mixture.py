@@ -62,6 +62,23 @@ def test_what_the_noise_of_positions_says_of_modes_is_not_believed() -> None:
     assert found == pytest.approx([odds / (odds + 1.0), 1.0 / (odds + 1.0)])
 
 
+def test_the_best_mode_stays_so_until_another_is_twice_as_probable() -> None:
+    mixture = two_modes()
+    for more, best, probability in (
+        (5.0, 0, 3.0 / 8.0),
+        (1.3, 1, 6.5 / 9.5),
+        (0.3, 1, 1.95 / 4.95),
+    ):
+        mixture.compare(np.array([0.0, math.log(more)]), REAL_CONTRAST)
+        first, second = mixture.estimates(0.0)
+        assert mixture.best == best
+        assert first.x[0] == (500.0, -500.0)[best] == -second.x[0]
+        assert first.probability == pytest.approx(probability)
+    mixture.compare(np.array([0.0, -20.0]), REAL_CONTRAST)
+    assert mixture.best == 0
+    assert mixture.after(0.0)[0][0] == 500.0
+
+
 def test_each_mode_is_weighed_against_the_best() -> None:
     """The first two are mirror images; how far the others differ would be another sum."""
     before = two_modes()
