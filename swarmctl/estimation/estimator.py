@@ -337,7 +337,8 @@ class Estimator:
         screened, best, nu, S = min(candidates, key=lambda candidate: len(candidate[0].aside))
         weighed = rows._replace(covariance=screened.covariance)
         likelihood = mixture.update(weighed, lag_s, first, iterations=3 if at is None else 1)
-        self._turning = max(self._turning, float(mixture.weight[mixture.best, 1:].sum()))
+        # A wrong mirror image seems to turn where the right one goes straight on.
+        self._turning = max(self._turning, float(mixture.weight[:, 1:].sum(-1).min()))
 
         kept = screened.kept
         count = int(kept.sum())
