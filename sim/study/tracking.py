@@ -223,6 +223,7 @@ def _track_run(
                         epoch.positions[run, 1 : count + 1],
                         rd[:count],
                         case.receivers.white_covariance(count),
+                        case.receivers.position_m,
                     )
                 )
             except EstimationError:

@@ -43,6 +43,8 @@ class Rows(NamedTuple):
         second_at: Reported position of j, (K, d), m.
         rd: (K,), m.
         covariance: Of their white noise, (K, K), m², positive definite.
+        position_m: 1-sigma of the reported positions' white noise per axis, m: what of the
+            covariance is theirs. All receivers' alike.
     """
 
     epoch_s: float
@@ -52,6 +54,7 @@ class Rows(NamedTuple):
     second_at: Array
     rd: Array
     covariance: Array
+    position_m: float = 0.0
 
     def where(self, kept: Mask) -> Rows:
         """Those of the rows that a mask (K,) keeps."""
@@ -64,6 +67,7 @@ class Rows(NamedTuple):
             self.second_at[picked],
             self.rd[picked],
             self.covariance[np.ix_(picked, picked)],
+            self.position_m,
         )
 
 
@@ -104,6 +108,7 @@ def star(
     companions_at: Array,
     rd: Array,
     covariance: Array,
+    position_m: float = 0.0,
 ) -> Rows:
     """The rows of RDs that share one reference.
 
@@ -115,10 +120,12 @@ def star(
         companions_at: (N, d), m.
         rd: (N,), m.
         covariance: (N, N), m².
+        position_m: As of :class:`Rows`.
     """
     n = len(companions)
     at = np.broadcast_to(reference_at, (n, reference_at.shape[-1]))
-    return Rows(epoch_s, [reference] * n, companions, at, companions_at, rd, covariance)
+    first = [reference] * n
+    return Rows(epoch_s, first, companions, at, companions_at, rd, covariance, position_m)
 
 
 def linearise(

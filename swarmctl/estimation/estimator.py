@@ -10,6 +10,7 @@ the receivers' reported positions at that epoch, and put together from
 ``nuisance``          clocks, navigation and colour of the receivers, as states
 ``augmented``         the update of emitter and receivers
 ``mixture``           all modes and models of motion, and what is known by them
+``contrast``          what of it is the noise of reported positions
 ``robust``            echoes set aside
 ``manoeuvre``         an emitter that turns or stops
 ``repetition``        copies of earlier rows, which are no measurements
@@ -40,6 +41,7 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation.acquisition import distinct, is_ready, search
 from swarmctl.estimation.arguments import Array, as_covariance, as_finite
 from swarmctl.estimation.augmented import Rows
+from swarmctl.estimation.contrast import Contrast, of_epoch
 from swarmctl.estimation.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.initial import Prior, is_wide
 from swarmctl.estimation.manoeuvre import BELIEVED, Manoeuvre, matched
@@ -168,7 +170,10 @@ class Estimator:
         return self._mixture is not None
 
     def estimates(self) -> list[Estimate]:
-        """What is known at :attr:`epoch_s`, the most probable first; empty if nothing is."""
+        """What is known at :attr:`epoch_s`, empty if nothing is.
+
+        The most probable first; of several that hardly differ, the one that was so before.
+        """
         return [] if self._mixture is None else self._mixture.estimates(self.epoch_s)
 
     def predict_to(self, epoch_s: float) -> Estimate:
@@ -276,8 +281,13 @@ class Estimator:
     def _taken(self, window: Window, fit: Fit) -> tuple[Mixture, list[int]]:
         """The states of the distinct and probable modes of a fit, and which these are."""
         score = -0.5 * fit.objective - 0.5 * np.linalg.slogdet(fit.information)[1]
-        probable = is_probable(score)
-        chosen = [k for k in distinct(fit, score) if probable[k]][:_MODES]
+        modes = distinct(fit, score)
+        data = -0.5 * np.vecdot(fit.residual, fit.residual)
+        for k in modes[1:]:
+            score[k] += window.evidence(fit, modes[0], k) - (data[k] - data[modes[0]])
+        probable = is_probable(score[modes])
+        chosen = [k for k, is_kept in zip(modes, probable, strict=True) if is_kept]
+        chosen = sorted(chosen, key=lambda k: -score[k])[:_MODES]
         states = [window.condense(fit, k, self.epoch_s) for k in chosen]
         model = self._model
         places = {
@@ -325,7 +335,8 @@ class Estimator:
         screened, best, nu, S = min(candidates, key=lambda candidate: len(candidate[0].aside))
         weighed = rows._replace(covariance=screened.covariance)
         likelihood = mixture.update(weighed, lag_s, first, iterations=3 if at is None else 1)
-        self._turning = max(self._turning, float(mixture.weight[mixture.best, 1:].sum()))
+        # A wrong mirror image seems to turn where the right one goes straight on.
+        self._turning = max(self._turning, float(mixture.weight[:, 1:].sum(-1).min()))
 
         kept = screened.kept
         count = int(kept.sum())
@@ -337,10 +348,21 @@ class Estimator:
         pairs = tuple(zip(good.first, good.second, strict=True))
         self._judge(pairs, white, len(kept) - count, screened.aside)
         if window is None:
-            if not self.is_resolved:
-                mixture.compare(likelihood)
+            if count and not self.is_resolved:
+                candidates.sort(key=lambda candidate: candidate[1])
+                nus = np.stack([nu[kept] for _, _, nu, _ in candidates])
+                covariances = np.stack([S[np.ix_(kept, kept)] for *_, S in candidates])
+                mixture.compare(likelihood, self._contrast(mixture, good, nus, covariances))
         elif count and lag_s == 0.0 and window.points.add(good, self._theta[best]):
             self._renew(window, mixture, rows)
+
+    def _contrast(self, mixture: Mixture, rows: Rows, nu: Array, S: Array) -> Contrast:
+        """Between the modes in the rows of one epoch.
+
+        An error of navigation lasts, but counts as if it were new: on the safe side.
+        """
+        variance = rows.position_m**2 + self._model.errors.navigation_m**2
+        return of_epoch(rows, mixture.x[:, 0, : self._model.d], nu, S, variance)
 
     def _on_trajectory(self, x: Array) -> Array:
         """Where to linearise between two renewals: where the window's rows are linearised.
@@ -367,6 +389,8 @@ class Estimator:
         renewed, chosen = self._taken(window, window.fit(self._theta))
         renewed.admit(rows)
         renewed.keep_manoeuvre(mixture, chosen)
+        if best in chosen:
+            renewed.keep_best(chosen.index(best))
         self._mixture = renewed
         if self.is_resolved and self._is_straight(renewed, rows):
             self._window = None

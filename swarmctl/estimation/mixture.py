@@ -17,8 +17,9 @@ import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import augmented
-from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.augmented import Innovation, Rows
+from swarmctl.estimation.contrast import Contrast, nothing
 from swarmctl.estimation.manoeuvre import Manoeuvre, matched
 from swarmctl.estimation.nuisance import Layout, ReceiverErrors, predict
 
@@ -27,9 +28,9 @@ _IMPROBABLE = 1e-4
 _ALONE = ReceiverErrors()
 
 
-def is_probable(log_probability: Array) -> Array:
+def is_probable(log_probability: Array) -> Mask:
     """Which modes are not to be forgotten, (S,) of booleans."""
-    probable: Array = log_probability > log_probability.max() + math.log(_IMPROBABLE)
+    probable: Mask = log_probability > log_probability.max() + math.log(_IMPROBABLE)
     return probable
 
 
@@ -106,6 +107,7 @@ class Mixture:
         weight: Probability of each model given the mode, (S, M).
         log_probability: Of each mode, up to a constant, (S,).
         places: Where each receiver's states begin, by id.
+        best: Number of the mode to go by: the most probable, but for :meth:`keep_best`.
 
     Args:
         model: How emitter and receivers behave.
@@ -127,6 +129,11 @@ class Mixture:
         self.weight: Array = np.broadcast_to(np.eye(count[1])[0], count).copy()
         self.log_probability = log_probability
         self.places = places
+        self.best = int(np.argmax(log_probability))
+        # What it was at first, and what has been measured since.
+        self._at_first = log_probability
+        self._measured: Array = np.zeros(len(x))
+        self._contrast = nothing(len(x))
 
     def keep_manoeuvre(self, before: Mixture, modes: Sequence[int]) -> None:
         """Go on believing what was believed of a manoeuvre.
@@ -144,10 +151,14 @@ class Mixture:
         self.P[:, 1:] = before.P[chosen][:, 1:][..., index[:, None], index]
         self.weight = before.weight[chosen]
 
-    @property
-    def best(self) -> int:
-        """Number of the most probable mode."""
-        return int(np.argmax(self.log_probability))
+    def keep_best(self, mode: int) -> None:
+        """Go on with the mode that was the best, unless another is twice as probable by now.
+
+        Else who is led by it would be led to and fro between two that nothing tells apart.
+        """
+        most = int(np.argmax(self.log_probability))
+        is_near = self.log_probability[mode] > self.log_probability[most] - math.log(2.0)
+        self.best = mode if is_near else most
 
     # --- Time and measurement -------------------------------------------------------------
 
@@ -209,17 +220,32 @@ class Mixture:
         of_modes: Array = (highest + np.log(total))[:, 0]
         return of_modes
 
-    def compare(self, log_likelihood: Array) -> None:
-        """Weigh the modes by a measurement's likelihoods, (S,), and forget the improbable."""
-        log_probability = self.log_probability + log_likelihood
+    def compare(self, log_likelihood: Array, contrast: Contrast) -> None:
+        """Weigh the modes by a measurement, and forget the improbable.
+
+        Args:
+            log_likelihood: Of it by each mode, (S,).
+            contrast: Between any two of them, of (S, S).
+        """
+        self._measured = self._measured + log_likelihood
+        self._contrast = self._contrast + contrast
+        best = int(np.argmax(self._at_first + self._measured))
+        ratio = self._contrast.share[best] * (self._measured - self._measured[best])
+        log_probability = self._at_first + ratio
         kept = is_probable(log_probability)
         self.log_probability = log_probability[kept]
+        self._at_first, self._measured = self._at_first[kept], self._measured[kept]
+        self._contrast = self._contrast.where(kept)
         self.x, self.P, self.weight = self.x[kept], self.P[kept], self.weight[kept]
+        if kept[self.best]:
+            self.keep_best(int(kept[: self.best].sum()))
+        else:
+            self.best = int(np.argmax(self.log_probability))
 
     # --- What is known --------------------------------------------------------------------
 
     def estimates(self, epoch_s: float) -> list[Estimate]:
-        """Each mode, the most probable first.
+        """Each mode, :attr:`best` first, then the most probable.
 
         Args:
             epoch_s: Of the states, s.
@@ -227,7 +253,7 @@ class Mixture:
         probability = self._probabilities()
         n = 2 * self._model.d
         found = []
-        for k in np.argsort(-probability):
+        for k in sorted(range(len(self.x)), key=lambda k: (k != self.best, -probability[k])):
             x, P = matched(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
             turning = float(self.weight[k, 1:].sum())
             found.append(Estimate(epoch_s, x, P, float(probability[k]), turning))

@@ -28,6 +28,7 @@ class Block:
         self.pairs: dict[tuple[int, int], int] = {}
         self.sums = np.zeros((0, 3 + 2 * d))  # count, time, rd less nominal, first_at, second_at
         self.white = np.zeros((0, 0))
+        self.position = np.zeros(0)  # sum of the variances of the reported positions
         self.begin: list[float] = []
         self.end: list[float] = []
 
@@ -43,6 +44,7 @@ class Block:
         np.add.at(self.sums, places, new)
         index = np.array(places)
         np.add.at(self.white, (index[:, None], index), rows.covariance)
+        np.add.at(self.position, index, rows.position_m**2)
         for place in places:
             self.end[place] = max(self.end[place], rows.epoch_s)
 
@@ -54,6 +56,7 @@ class Block:
             self.end.append(epoch_s)
             self.sums = np.pad(self.sums, ((0, 1), (0, 0)))
             self.white = np.pad(self.white, ((0, 1), (0, 1)))
+            self.position = np.pad(self.position, (0, 1))
         return place
 
     def _expected(self, time_s: float | Array, at: Array) -> Array:
@@ -87,6 +90,7 @@ class Block:
         ]
         self.sums[places] += later.sums
         self.white[np.ix_(places, places)] += later.white
+        self.position[places] += later.position
         for place, end in zip(places, later.end, strict=True):
             self.end[place] = max(self.end[place], end)
         return self
@@ -108,6 +112,7 @@ class Table(NamedTuple):
     at: Array  # (2, M, d): of the first and the second receiver
     signs: Array  # (R, M): +1 second, -1 first
     white: Array  # (M, M)
+    position: Array  # variance per axis of the reported positions' white noise
     block: NDArray[np.intp]  # number of each row's block
 
 
@@ -181,6 +186,7 @@ class NormalPoints:
                 block.pairs = {pairs[old]: new for new, old in enumerate(picked)}
                 block.sums = block.sums[picked]
                 block.white = block.white[np.ix_(picked, picked)]
+                block.position = block.position[picked]
                 block.begin = [block.begin[k] for k in picked]
                 block.end = [block.end[k] for k in picked]
                 blocks.append(block)
@@ -219,6 +225,7 @@ class NormalPoints:
         d = self._d
         mean = np.concatenate([block.means() for block in self._blocks])
         count = np.concatenate([block.sums[:, 0] for block in self._blocks])
+        position = np.concatenate([block.position for block in self._blocks]) / count**2
         begin = np.concatenate([block.begin for block in self._blocks])
         end = np.concatenate([block.end for block in self._blocks])
         # n epochs a period apart stand for n periods.
@@ -238,4 +245,4 @@ class NormalPoints:
                 k += 1
         white /= count[:, None] * count
         at = np.stack([mean[:, 3 : 3 + d], mean[:, 3 + d :]])
-        return Table(mean[:, 1], span, mean[:, 2], at, signs, white, numbers)
+        return Table(mean[:, 1], span, mean[:, 2], at, signs, white, position, numbers)

@@ -398,6 +398,7 @@ class Tracker:
             np.array([companions[receiver] for receiver in receivers]),
             rd,
             effective_covariance(rd_covariance(sigma, rho), self._sigma_p),
+            self._sigma_p,
         )
         try:
             has_estimate = self._track.update(rows)

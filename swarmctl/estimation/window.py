@@ -30,12 +30,14 @@ over a block of length L is not w in its middle: they differ by a variance of q 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.contrast import Contrast, between
 from swarmctl.estimation.motion import transition
 from swarmctl.estimation.normal_points import NormalPoints, Table
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
@@ -131,6 +133,38 @@ class Window:
         statistic = np.abs(weighted) / np.sqrt(np.maximum(diagonal, 1e-12))
         row = int(np.argmax(statistic))
         return row, float(statistic[row])
+
+    def evidence(self, fit: Fit, one: int, other: int) -> float:
+        """Log-likelihood ratio of the rows, of the modes from two starts, as far as it is real.
+
+        Where the rows scatter about the first more than they were told to, all noise is taken
+        for so much greater: a trajectory that does not fit is a poor judge of its mirror image.
+
+        Returns:
+            In favour of the other.
+        """
+        squares = np.vecdot(fit.residual, fit.residual)
+        scatter = max(1.0, float(squares[one]) / fit.residual.shape[-1])
+        contrast = self.contrast(fit, one, other)
+        share = replace(contrast, found=contrast.found / scatter).share
+        return float(share * 0.5 * (squares[one] - squares[other]) / scatter)
+
+    def contrast(self, fit: Fit, one: int, other: int) -> Contrast:
+        """Between the modes found from two of the starts.
+
+        The noise is that of the reported positions, the white part and what lasts of it.
+        """
+        table, errors = self.points.table(), self._errors
+        pair = [one, other]
+        residual = np.matvec(fit.root[pair], fit.residual[pair])
+        sights = fit.sights[:, pair]
+        sigma = np.sqrt(table.position)
+        delta = np.outer(sigma, sigma) * (table.block[:, None] == table.block)
+        apart = np.abs(table.time[:, None] - table.time)
+        delta += errors.navigation_m**2 * np.exp(-apart / errors.navigation_tau_s)
+        receivers = np.stack([table.signs.argmin(0), table.signs.argmax(0)])
+        turned = sights[:, 1] - sights[:, 0]
+        return between(residual[0] - residual[1], fit.root[one], receivers, turned, delta)
 
     def is_stretched(self, distance_m: float) -> bool:
         """Whether the emitter may stray too far within one block, seen from so far away."""

@@ -32,6 +32,15 @@ def some_rows(rng: np.random.Generator, d: int) -> Rows:
     )
 
 
+def test_rows_that_are_kept_keep_what_is_theirs() -> None:
+    rows = some_rows(np.random.default_rng(0), 2)._replace(position_m=0.4)
+    kept = rows.where(np.array([False, True, False, True]))
+    assert (kept.epoch_s, kept.first, kept.second) == (0.0, [2, 1], [1, 0])
+    np.testing.assert_array_equal(kept.second_at, rows.second_at[1::2])
+    np.testing.assert_array_equal(kept.covariance, np.eye(2))
+    assert kept.position_m == 0.4
+
+
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("lag_s", [0.0, -2.0])
 def test_the_derivative_is_that_of_the_expected_rows(d: int, lag_s: float) -> None:

@@ -122,6 +122,42 @@ def test_a_mirror_image_is_carried_until_a_receiver_leaves_the_line() -> None:
     assert nees((found.x[:2] - emitter), found.P[:2, :2]) < chi2.ppf(0.999, 2)
 
 
+def test_the_noise_of_positions_tells_no_mirror_image() -> None:
+    """Else most of the swarms that hover for 12 s are sure of a side, be it the wrong one.
+
+    What is left between the sides is what the prior says of the velocities found: after 2 s their
+    errors are some metres a second, a fifth of the prior's sigma, whose square is a few
+    hundredths, and nobody is led to and fro by that. Once a receiver has left the line, the right
+    side is found.
+    """
+    around = sector(np.zeros(2), 0.0, math.pi, 100.0, 3000.0, 30.0)
+    emitter = np.array([-900.0, 400.0])
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        track = Estimator(around, ReceiverErrors(), (0.0, 0.0), manoeuvre=CAR)
+        sides = set()
+        for k in range(140):
+            companions = LINE.copy()
+            companions[0, 0] = 60.0 * (k >= 120)
+            rows = hovering(0.1 * k, emitter, companions, rng)
+            wrong = 0.5 * rng.standard_normal((5, 2))
+            track.update(
+                rows._replace(
+                    first_at=rows.first_at + wrong[0],
+                    second_at=companions + wrong[1:],
+                    covariance=rows.covariance + 0.5**2 * (np.eye(4) + 1.0),
+                    position_m=0.5,
+                )
+            )
+            if 20 <= k < 120:
+                one, other = track.estimates()
+                assert abs(one.probability - other.probability) < 0.2
+                sides.add(bool(one.x[0] > 0.0))
+        assert len(sides) == 1
+        (found,) = track.estimates()
+        assert nees(found.x[:2] - emitter, found.P[:2, :2]) < chi2.ppf(0.9999, 2)
+
+
 # --- Gaps, late rows, other references ----------------------------------------------------
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation import motion, ncrkf
+from swarmctl.estimation.augmented import Rows
 from swarmctl.estimation.consistency import mean_bounds, nees
 from swarmctl.estimation.initial import Prior
 from swarmctl.estimation.linear_track import LinearTrack
@@ -112,6 +113,14 @@ def run(to: Tracker, last: float, period: float = 0.1) -> list[TrackUpdate]:
     return updates
 
 
+class Notes(LinearTrack):
+    """Keeps what it is given."""
+
+    def update(self, rows: Rows) -> bool:
+        self.rows = rows
+        return super().update(rows)
+
+
 # --- On time ---------------------------------------------------------------------------
 
 
@@ -158,6 +167,15 @@ def test_the_prior_holds_until_the_first_measurement_and_prediction_leaves_the_t
     behind = live.predict_to(EPOCH + 0.5)
     np.testing.assert_allclose(behind[0], motion.transport(*now, -0.5)[0])
     np.testing.assert_array_equal(live.predict_to(EPOCH + 1.0)[0], now[0])
+
+
+def test_the_track_is_told_what_of_its_rows_the_noise_of_positions_is() -> None:
+    prior = Prior(MEAN, COVARIANCE)
+    track = Notes(prior, PSD.tolist())
+    run(Tracker(track, prior, vehicles=START, process_noise=PSD, sigma_p_m=0.5), 0.1)
+    assert track.rows.position_m == 0.5
+    Cr = rd_covariance([3.0] * 3, 0.5)
+    np.testing.assert_allclose(track.rows.covariance, effective_covariance(Cr, 0.5))
 
 
 def test_what_an_update_hands_out_cannot_change_the_track() -> None:

@@ -7,10 +7,11 @@ import pytest
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array
-from swarmctl.estimation.augmented import Rows, update
+from swarmctl.estimation.augmented import Rows, star, update
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
+from swarmctl.estimation.rd_model import range_differences
 from swarmctl.estimation.window import Window
-from tests.estimation.receivers import REAL, flight
+from tests.estimation.receivers import REAL, WHITE, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)
 PSD = np.array([50.0, 20.0])
@@ -107,6 +108,65 @@ def test_a_walk_that_bends_the_line_within_a_block_ends_the_window(
         window.points.add(rows._replace(epoch_s=epoch_s))
     # sqrt(0.03 t³ / 3) = 0.1 t^1.5: 50 m after 63 s, 5 % of a kilometre.
     assert window.is_stretched(1000.0) == stretched
+
+
+def test_the_noise_of_positions_is_averaged_as_all_white_noise_is() -> None:
+    run = flight(np.random.default_rng(6), REAL, 15.9)
+    window = Window(run.emitter[0], np.eye(4), REAL, np.zeros(2), 0.0, capacity=60)
+    for k, rows in enumerate(run.rows):
+        window.points.add(rows._replace(position_m=0.4), run.emitter[0], alone=k < 3)
+    window.points.without(np.arange(len(window.points.table().rd)) != 4)
+    for _ in range(2):
+        table = window.points.table()
+        np.testing.assert_allclose(
+            table.position / np.diagonal(table.white), 0.4**2 / WHITE[0, 0], rtol=1e-9
+        )
+        window.points.compress(run.emitter[0])
+    assert len(table.rd) <= 60
+
+
+def test_of_positions_white_noise_counts_in_every_block_and_what_lasts_counts_once() -> None:
+    """A line that hovers, and how far the noise of its positions tells a place from its mirror."""
+    line = np.array([[0.0, 0.0], [0.0, 300.0], [0.0, 150.0], [0.0, -300.0]])
+    modes = np.array([[900.0, 400.0, 0.0, 0.0], [-900.0, 400.0, 0.0, 0.0]])
+    rd = range_differences(modes[0, :2], line[0], line[1:])
+    of_white = 0.5**2 * (np.eye(3) + 1.0)
+
+    def noise(position_m: float, errors: ReceiverErrors, epochs: int) -> float:
+        window = Window(np.zeros(4), 1e6 * np.eye(4), errors, np.zeros(2), 0.0, block_s=0.2)
+        C = 0.01 * (np.eye(3) + 1.0) + (position_m > 0.0) * of_white
+        for k in range(epochs):
+            window.points.add(star(0.1 * k, 0, line[0], [1, 2, 3], line[1:], rd, C, position_m))
+        contrast = window.contrast(window.fit(modes, 0), 0, 1)
+        assert contrast.found == pytest.approx(0.0, abs=1e-3)
+        return float(contrast.noise)
+
+    assert noise(0.5, ReceiverErrors(), 40) == pytest.approx(20.0 * noise(0.5, ReceiverErrors(), 2))
+    lasting = ReceiverErrors(navigation_m=0.5, navigation_tau_s=1e6)
+    # Beside navigation the other noise is small already in one block.
+    assert noise(0.0, lasting, 2) == pytest.approx(noise(0.5, ReceiverErrors(), 2), rel=0.05)
+    assert noise(0.0, lasting, 40) == pytest.approx(noise(0.0, lasting, 2), rel=0.05)
+
+
+def test_modes_are_told_apart_by_as_much_as_the_rows_scatter_whatever_they_were_told() -> None:
+    """Where no mode fits, that is. Told a third or a twentieth of all noise, all is the same."""
+    run = flight(np.random.default_rng(7), ReceiverErrors(), 2.0)
+    modes = np.stack([run.emitter[0], run.emitter[0] + [0.0, 30.0, 0.0, 0.0]])
+    found, shares = [], []
+    for told in (1.0 / 3.0, 1.0 / 20.0):
+        window = Window(modes[0], np.eye(4), ReceiverErrors(), np.zeros(2), 0.0)
+        for rows in run.rows:
+            # So much that it matters between places as near to each other as these.
+            window.points.add(
+                rows._replace(covariance=told**2 * rows.covariance, position_m=300.0 * told)
+            )
+        fit = window.fit(modes, 0)
+        found.append(window.evidence(fit, 0, 1))
+        shares.append(window.contrast(fit, 0, 1).share)
+    assert shares[0] < 0.95
+    assert shares[1] > 0.99
+    assert found[0] < -10.0
+    assert found[1] == pytest.approx(found[0], rel=1e-2)
 
 
 def test_a_window_without_rows_has_no_trajectory() -> None:
