@@ -362,10 +362,10 @@ class Estimator:
         sight = mixture.x[best, 0, : self._model.d] - rows.second_at
         nearest = float(np.sqrt(np.vecdot(sight, sight)).min())
         turned, self._turning = self._turning > _TURNED, 0.0
+        window.points.compress(self._theta[best])
         if turned or window.is_stretched(nearest):
             self._window = None
             return
-        window.points.compress(self._theta[best])
         renewed, chosen = self._taken(window, window.fit(self._theta))
         renewed.admit(rows)
         renewed.keep_manoeuvre(mixture, chosen)

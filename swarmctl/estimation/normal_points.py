@@ -20,11 +20,21 @@ _SHARE = 0.01
 """A block lasts at least this share of the time since the first: an old track changes slowly."""
 
 
+def _expected(nominal: Array, time_s: Array, at: Array) -> Array:
+    """RD of nominal trajectories, (..., 2d), at some times and places, (K,), m; 0 for NaN."""
+    d = nominal.shape[-1] // 2
+    e = nominal[..., :d] + time_s[:, None] * nominal[..., d:]
+    sights = e[:, None, :] - at.reshape(len(at), 2, d)
+    distance = np.sqrt(np.vecdot(sights, sights))
+    expected: Array = distance[:, 1] - distance[:, 0]
+    return np.where(np.isnan(expected), 0.0, expected)
+
+
 class Block:
     """Sums over the epochs of one block, one row per pair."""
 
     def __init__(self, d: int, nominal: Array | None) -> None:
-        self.nominal = nominal
+        self.nominal = np.full(2 * d, np.nan) if nominal is None else nominal
         self.pairs: dict[tuple[int, int], int] = {}
         self.sums = np.zeros((0, 3 + 2 * d))  # count, time, rd less nominal, first_at, second_at
         self.white = np.zeros((0, 0))
@@ -38,7 +48,7 @@ class Block:
         ]
         count = np.ones((len(places), 1))
         at = np.concatenate([rows.first_at, rows.second_at], axis=1)
-        less = rows.rd - self._expected(rows.epoch_s, at)
+        less = rows.rd - _expected(self.nominal, np.full(len(at), rows.epoch_s), at)
         new = np.concatenate([count, count * rows.epoch_s, less[:, None], at], axis=1)
         np.add.at(self.sums, places, new)
         index = np.array(places)
@@ -56,29 +66,14 @@ class Block:
             self.white = np.pad(self.white, ((0, 1), (0, 1)))
         return place
 
-    def _expected(self, time_s: float | Array, at: Array) -> Array:
-        """Nominal RD at some times and places, (K,), m; 0 without a nominal trajectory."""
-        if self.nominal is None:
-            return np.zeros(len(at))
-        d = self.nominal.size // 2
-        e = self.nominal[:d] + np.multiply.outer(time_s, self.nominal[d:])
-        sights = e[..., None, :] - at.reshape(len(at), 2, d)
-        distance = np.sqrt(np.vecdot(sights, sights))
-        expected: Array = distance[:, 1] - distance[:, 0]
-        return expected
-
-    def means(self) -> Array:
-        """Like ``sums``, but the mean of each, with the RD itself."""
-        means = self.sums / self.sums[:, :1]
-        means[:, 2] += self._expected(means[:, 1], means[:, 3:])
-        return means
-
     def refer(self, nominal: Array) -> None:
         """Take another trajectory as nominal."""
-        means = self.means()
+        count = self.sums[:, 0]
+        mean = self.sums / count[:, None]
+        more = _expected(self.nominal, mean[:, 1], mean[:, 3:])
+        more -= _expected(nominal, mean[:, 1], mean[:, 3:])
+        self.sums[:, 2] += count * more
         self.nominal = nominal
-        means[:, 2] -= self._expected(means[:, 1], means[:, 3:])
-        self.sums[:, 2] = means[:, 2] * self.sums[:, 0]
 
     def __iadd__(self, later: Self) -> Self:
         """Add a later block of the same nominal trajectory."""
@@ -90,13 +85,6 @@ class Block:
         for place, end in zip(places, later.end, strict=True):
             self.end[place] = max(self.end[place], end)
         return self
-
-    @property
-    def centre(self) -> Array:
-        """Mean of time, and of the receivers' places, (1 + d,)."""
-        count = self.sums[:, 0].sum()
-        first, second = np.split(self.sums[:, 3:].sum(0) / count, 2)
-        return np.concatenate([[self.sums[:, 1].sum() / count], 0.5 * (first + second)])
 
 
 class Table(NamedTuple):
@@ -200,9 +188,11 @@ class NormalPoints:
         """
         d = self._d
         while len(self._blocks) > 2 and sum(len(b.pairs) for b in self._blocks) > self._capacity:
-            centres = np.array([block.centre for block in self._blocks])
-            t = centres[:, :1]
-            sight = theta[:d] + t * theta[d:] - centres[:, 1:]
+            total = np.stack([block.sums.sum(0) for block in self._blocks])
+            centre = total / total[:, :1]
+            t = centre[:, 1:2]
+            at = 0.5 * (centre[:, 3 : 3 + d] + centre[:, 3 + d :])
+            sight = theta[:d] + t * theta[d:] - at
             distance = np.linalg.norm(sight, axis=1) + 1e-9
             turn = np.linalg.norm(np.diff(sight / distance[:, None], axis=0), axis=1)
             turn += np.abs(np.diff(np.log(distance)))
@@ -216,26 +206,29 @@ class NormalPoints:
             self._table = None
 
     def _tabulate(self) -> Table:
-        d = self._d
-        mean = np.concatenate([block.means() for block in self._blocks])
-        count = np.concatenate([block.sums[:, 0] for block in self._blocks])
-        begin = np.concatenate([block.begin for block in self._blocks])
-        end = np.concatenate([block.end for block in self._blocks])
+        d, blocks = self._d, self._blocks
+        sums = np.concatenate([block.sums for block in blocks])
+        count = sums[:, 0]
+        mean = sums / count[:, None]
+        lengths = [len(block.pairs) for block in blocks]
+        nominal = np.repeat([block.nominal for block in blocks], lengths, axis=0)
+        rd = mean[:, 2] + _expected(nominal, mean[:, 1], mean[:, 3:])
+        begin = np.array([begin for block in blocks for begin in block.begin])
+        end = np.array([end for block in blocks for end in block.end])
         # n epochs a period apart stand for n periods.
         span = np.where(count > 1.0, (end - begin) * count / np.maximum(count - 1.0, 1.0), 0.0)
-        total = len(mean)
-        white = np.zeros((total, total))
-        signs = np.zeros((len(self._places), total))
-        numbers = np.zeros(total, dtype=np.intp)
-        k = 0
-        for number, block in enumerate(self._blocks):
-            own = slice(k, k + len(block.pairs))
+        row = np.arange(len(sums))
+        white = np.zeros((row.size, row.size))
+        last = 0
+        for block, length in zip(blocks, lengths, strict=True):
+            own = slice(last, last := last + length)
             white[own, own] = block.white
-            numbers[own] = number
-            for i, j in block.pairs:
-                signs[self._places[i], k] -= 1.0
-                signs[self._places[j], k] += 1.0
-                k += 1
         white /= count[:, None] * count
+        places = [[self._places[r] for r in pair] for block in blocks for pair in block.pairs]
+        first, second = np.array(places).T
+        signs = np.zeros((len(self._places), row.size))
+        signs[first, row] -= 1.0
+        signs[second, row] += 1.0
         at = np.stack([mean[:, 3 : 3 + d], mean[:, 3 + d :]])
-        return Table(mean[:, 1], span, mean[:, 2], at, signs, white, numbers)
+        number = np.repeat(np.arange(len(blocks)), lengths)
+        return Table(mean[:, 1], span, rd, at, signs, white, number)
