@@ -8,6 +8,7 @@ which the geometry changed least become one.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -43,9 +44,8 @@ class Block:
 
     def add(self, rows: Rows) -> None:
         """Take an epoch's rows; its time is since the window's first epoch."""
-        places = [
-            self._place(pair, rows.epoch_s) for pair in zip(rows.first, rows.second, strict=True)
-        ]
+        pairs = list(zip(rows.first, rows.second, strict=True))
+        places = self._places(pairs, [rows.epoch_s] * len(pairs))
         count = np.ones((len(places), 1))
         at = np.concatenate([rows.first_at, rows.second_at], axis=1)
         less = rows.rd - _expected(self.nominal, np.full(len(at), rows.epoch_s), at)
@@ -56,15 +56,19 @@ class Block:
         for place in places:
             self.end[place] = max(self.end[place], rows.epoch_s)
 
-    def _place(self, pair: tuple[int, int], epoch_s: float) -> int:
-        place = self.pairs.get(pair)
-        if place is None:
-            place = self.pairs[pair] = len(self.begin)
-            self.begin.append(epoch_s)
-            self.end.append(epoch_s)
-            self.sums = np.pad(self.sums, ((0, 1), (0, 0)))
-            self.white = np.pad(self.white, ((0, 1), (0, 1)))
-        return place
+    def _places(self, pairs: Iterable[tuple[int, int]], begin: Iterable[float]) -> list[int]:
+        """Number of each pair's row; new ones begin at these times."""
+        places = []
+        for pair, begin_s in zip(pairs, begin, strict=True):
+            places.append(self.pairs.setdefault(pair, len(self.pairs)))
+            if places[-1] == len(self.begin):
+                self.begin.append(begin_s)
+                self.end.append(begin_s)
+        more = len(self.pairs) - len(self.sums)
+        if more:
+            self.sums = np.pad(self.sums, ((0, more), (0, 0)))
+            self.white = np.pad(self.white, (0, more))
+        return places
 
     def refer(self, nominal: Array) -> None:
         """Take another trajectory as nominal."""
@@ -77,9 +81,7 @@ class Block:
 
     def __iadd__(self, later: Self) -> Self:
         """Add a later block of the same nominal trajectory."""
-        places = [
-            self._place(pair, begin) for pair, begin in zip(later.pairs, later.begin, strict=True)
-        ]
+        places = self._places(later.pairs, later.begin)
         self.sums[places] += later.sums
         self.white[np.ix_(places, places)] += later.white
         for place, end in zip(places, later.end, strict=True):
