@@ -91,7 +91,7 @@ class Estimator:
         *,
         manoeuvre: Manoeuvre | None = None,
         block_s: float = 0.5,
-        capacity: int = 128,
+        capacity: int = 96,
     ) -> None:
         psd = as_finite("process_noise", process_noise, None)
         d = psd.size

@@ -127,6 +127,11 @@ class NormalPoints:
         return list(self._places)
 
     @property
+    def is_empty(self) -> bool:
+        """Whether it has no rows."""
+        return not self._blocks
+
+    @property
     def measurements(self) -> int:
         """How many it was given and has not dropped."""
         return sum(round(float(block.sums[:, 0].sum())) for block in self._blocks)
@@ -190,7 +195,8 @@ class NormalPoints:
         """
         d = self._d
         while len(self._blocks) > 2 and sum(len(b.pairs) for b in self._blocks) > self._capacity:
-            total = np.stack([block.sums.sum(0) for block in self._blocks])
+            begin = np.cumsum([0, *(len(block.pairs) for block in self._blocks[:-1])])
+            total = np.add.reduceat(np.concatenate([b.sums for b in self._blocks]), begin)
             centre = total / total[:, :1]
             t = centre[:, 1:2]
             at = 0.5 * (centre[:, 3 : 3 + d] + centre[:, 3 + d :])

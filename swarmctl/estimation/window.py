@@ -25,7 +25,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
@@ -112,7 +112,7 @@ class Window:
         begin_s: float,
         *,
         block_s: float = 0.5,
-        capacity: int = 128,
+        capacity: int = 96,
     ) -> None:
         self._mean = as_finite("mean", mean, None)
         n = self._mean.size
@@ -154,7 +154,7 @@ class Window:
         Raises:
             EstimationError: The window has no rows, or their numbers have no finite result.
         """
-        if not self.points.measurements:
+        if self.points.is_empty:
             raise EstimationError("A window without measurements fits any trajectory.")
         table = self.points.table()
         try:
@@ -170,7 +170,7 @@ class Window:
                 diagonal = damping[:, None] * np.linalg.diagonal(A)
                 damped = A + diagonal[:, :, None] * np.eye(2 * self._d)
                 step = np.linalg.solve(damped, gradient[..., None])[..., 0]
-                step *= self._reach(best.theta, step, table)[:, None]
+                step *= self._reach(best, step, table)[:, None]
                 length = np.vecdot(step, np.matvec(A, step))
                 bend = self._bend(self.pull(_moved(best, step)), table)
                 if (length < _SMALL_STEP).all() and self._is_alike(best, bend, table):
@@ -194,10 +194,10 @@ class Window:
         step *= (length < 1.0)[:, None]
         return _moved(best, step)
 
-    def _reach(self, theta: Array, step: Array, table: Table) -> Array:
+    def _reach(self, fit: Fit, step: Array, table: Table) -> Array:
         d = self._d
-        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:]
-        nearest = np.sqrt(((e - table.at[1]) ** 2).sum(-1)).min(-1)
+        sight = _path(fit.theta, fit.bend, table) - table.at[1]
+        nearest = np.sqrt(np.vecdot(sight, sight)).min(-1)
         last = table.time.max()
         moved = np.linalg.norm(step[:, :d] + last * step[:, d:], axis=1)
         moved = np.maximum(moved, np.linalg.norm(step[:, :d], axis=1))
@@ -207,16 +207,12 @@ class Window:
     @staticmethod
     def _is_alike(fit: Fit, bend: Array, table: Table) -> bool:
         """Whether linearising at another bend would change nothing."""
-        d = bend.shape[-1]
-        e = fit.theta[:, None, :d] + table.time[:, None] * fit.theta[:, None, d:] + fit.bend
-        off, sight = bend - fit.bend, e - table.at[1]
+        off, sight = bend - fit.bend, _path(fit.theta, fit.bend, table) - table.at[1]
         return bool((np.vecdot(off, off) <= _ALIKE**2 * np.vecdot(sight, sight)).all())
 
     def pull(self, fit: Fit) -> Pull:
         """What pulls the emitter off a fit's straight lines, for the next one to begin with."""
-        weighted = solve_triangular(
-            fit.root, fit.residual[..., None], trans="T", lower=True, check_finite=False
-        )
+        weighted = _solved(fit.root, fit.residual[..., None], transposed=True)
         return Pull(self.points.table().time, (fit.sights[1] - fit.sights[0]) * weighted)
 
     def _bend(self, pull: Pull, table: Table) -> Array:
@@ -225,9 +221,7 @@ class Window:
         return bend
 
     def _evaluate(self, theta: Array, bend: Array, table: Table, covariance: RowCovariance) -> Fit:
-        d = self._d
-        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:] + bend
-        sight = e - table.at[:, None]  # (2, S, M, d)
+        sight = _path(theta, bend, table) - table.at[:, None]  # (2, S, M, d)
         distance = np.sqrt(np.vecdot(sight, sight)) + 1e-9
         u = sight / distance[..., None]
         g = u[1] - u[0]
@@ -235,7 +229,7 @@ class Window:
         J = np.concatenate([g, table.time[:, None] * g], axis=-1)
         r = table.rd - (distance[1] - distance[0]) + np.vecdot(g, bend)
         rows = np.concatenate([J, r[..., None]], axis=-1)
-        whitened = solve_triangular(root, rows, lower=True, check_finite=False)
+        whitened = _solved(root, rows)
         slope, residual = whitened[..., :-1], whitened[..., -1]
         off = theta - self._mean
         objective = np.vecdot(residual, residual)
@@ -287,7 +281,7 @@ class Window:
 
         P = np.diag(np.concatenate([np.zeros(2 * d), np.tile(errors.variance(d), receivers)]))
         _, P = predict(np.zeros(n), P, T, self._psd, errors, layout)
-        whitened = solve_triangular(fit.root[index], C.T, lower=True, check_finite=False)
+        whitened = _solved(fit.root[index : index + 1], C.T[None])[0]
         B = -whitened.T @ fit.slope[index]
         F = transition(T, d)
         B[: 2 * d] += F
@@ -296,6 +290,24 @@ class Window:
         of_theta = np.linalg.inv(fit.information[index])
         P = P - whitened.T @ whitened + B @ of_theta @ B.T
         return x, 0.5 * (P + P.T)
+
+
+def _solved(root: Array, rows: Array, *, transposed: bool = False) -> Array:
+    """``root⁻¹ rows``, or ``root⁻ᵀ rows``, of lower triangular roots, (S, M, M) and (S, M, K).
+
+    By LAPACK itself, since its wrappers cost more than the solution. Its matrices are stored by
+    columns: it takes a root's transpose, an upper triangle, as it is.
+    """
+    trans = 0 if transposed else 1
+    found = [dtrtrs(L.T, B, lower=0, trans=trans)[0] for L, B in zip(root, rows, strict=True)]
+    return np.stack(found)
+
+
+def _path(theta: Array, bend: Array, table: Table) -> Array:
+    """Where the emitter is at each row's time, (S, M, d), m."""
+    d = bend.shape[-1]
+    at: Array = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:] + bend
+    return at
 
 
 def _moved(fit: Fit, step: Array) -> Fit:
