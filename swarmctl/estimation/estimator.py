@@ -49,7 +49,7 @@ from swarmctl.estimation.mixture import Estimate, Limits, Mixture, Model, is_pro
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.repetition import Repetition
 from swarmctl.estimation.robust import screen, tells_echoes
-from swarmctl.estimation.window import Fit, Window
+from swarmctl.estimation.window import Fit, Pull, Window
 
 _MODES = 4
 """Modes carried at most."""
@@ -91,7 +91,7 @@ class Estimator:
         *,
         manoeuvre: Manoeuvre | None = None,
         block_s: float = 0.5,
-        capacity: int = 128,
+        capacity: int = 96,
     ) -> None:
         psd = as_finite("process_noise", process_noise, None)
         d = psd.size
@@ -117,6 +117,7 @@ class Estimator:
         self._turning = 0.0  # greatest probability of a manoeuvre since the last renewal
         self._window: Window | None = None
         self._theta: Array = np.zeros((0, 2 * self._model.d))  # of the window, each mode's
+        self._pull: Pull | None = None  # off these straight lines
         # Of the epochs since the last renewal: its time, position and velocity of each mode.
         self._nominal: tuple[float, Array] = (-math.inf, self._theta)
         self._collected: list[Rows] = []
@@ -295,7 +296,8 @@ class Estimator:
             for k, receiver in enumerate(window.points.receivers)
         }
         x, P = np.stack([x for x, _ in states]), np.stack([P for _, P in states])
-        self._theta = fit.theta[chosen]
+        self._theta, pull = fit.theta[chosen], window.pull(fit)
+        self._pull = pull._replace(force=pull.force[chosen])
         self._nominal = (self.epoch_s, np.asarray(x[:, : 2 * model.d], dtype=np.float64))
         return Mixture(model, x, P, score[chosen], places), chosen
 
@@ -382,11 +384,11 @@ class Estimator:
         sight = mixture.x[best, 0, : self._model.d] - rows.second_at
         nearest = float(np.sqrt(np.vecdot(sight, sight)).min())
         turned, self._turning = self._turning > BELIEVED, 0.0
+        window.points.compress(self._theta[best])
         if turned or window.is_stretched(nearest):
             self._window = None
             return
-        window.points.compress(self._theta[best])
-        renewed, chosen = self._taken(window, window.fit(self._theta))
+        renewed, chosen = self._taken(window, window.fit(self._theta, pull=self._pull))
         renewed.admit(rows)
         renewed.keep_manoeuvre(mixture, chosen)
         if best in chosen:

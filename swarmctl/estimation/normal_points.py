@@ -8,6 +8,7 @@ which the geometry changed least become one.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -20,11 +21,21 @@ _SHARE = 0.01
 """A block lasts at least this share of the time since the first: an old track changes slowly."""
 
 
+def _expected(nominal: Array, time_s: Array, at: Array) -> Array:
+    """RD of nominal trajectories, (..., 2d), at some times and places, (K,), m; 0 for NaN."""
+    d = nominal.shape[-1] // 2
+    e = nominal[..., :d] + time_s[:, None] * nominal[..., d:]
+    sights = e[:, None, :] - at.reshape(len(at), 2, d)
+    distance = np.sqrt(np.vecdot(sights, sights))
+    expected: Array = distance[:, 1] - distance[:, 0]
+    return np.where(np.isnan(expected), 0.0, expected)
+
+
 class Block:
     """Sums over the epochs of one block, one row per pair."""
 
     def __init__(self, d: int, nominal: Array | None) -> None:
-        self.nominal = nominal
+        self.nominal = np.full(2 * d, np.nan) if nominal is None else nominal
         self.pairs: dict[tuple[int, int], int] = {}
         self.sums = np.zeros((0, 3 + 2 * d))  # count, time, rd less nominal, first_at, second_at
         self.white = np.zeros((0, 0))
@@ -34,12 +45,11 @@ class Block:
 
     def add(self, rows: Rows) -> None:
         """Take an epoch's rows; its time is since the window's first epoch."""
-        places = [
-            self._place(pair, rows.epoch_s) for pair in zip(rows.first, rows.second, strict=True)
-        ]
+        pairs = list(zip(rows.first, rows.second, strict=True))
+        places = self._places(pairs, [rows.epoch_s] * len(pairs))
         count = np.ones((len(places), 1))
         at = np.concatenate([rows.first_at, rows.second_at], axis=1)
-        less = rows.rd - self._expected(rows.epoch_s, at)
+        less = rows.rd - _expected(self.nominal, np.full(len(at), rows.epoch_s), at)
         new = np.concatenate([count, count * rows.epoch_s, less[:, None], at], axis=1)
         np.add.at(self.sums, places, new)
         index = np.array(places)
@@ -48,59 +58,39 @@ class Block:
         for place in places:
             self.end[place] = max(self.end[place], rows.epoch_s)
 
-    def _place(self, pair: tuple[int, int], epoch_s: float) -> int:
-        place = self.pairs.get(pair)
-        if place is None:
-            place = self.pairs[pair] = len(self.begin)
-            self.begin.append(epoch_s)
-            self.end.append(epoch_s)
-            self.sums = np.pad(self.sums, ((0, 1), (0, 0)))
-            self.white = np.pad(self.white, ((0, 1), (0, 1)))
-            self.position = np.pad(self.position, (0, 1))
-        return place
-
-    def _expected(self, time_s: float | Array, at: Array) -> Array:
-        """Nominal RD at some times and places, (K,), m; 0 without a nominal trajectory."""
-        if self.nominal is None:
-            return np.zeros(len(at))
-        d = self.nominal.size // 2
-        e = self.nominal[:d] + np.multiply.outer(time_s, self.nominal[d:])
-        sights = e[..., None, :] - at.reshape(len(at), 2, d)
-        distance = np.sqrt(np.vecdot(sights, sights))
-        expected: Array = distance[:, 1] - distance[:, 0]
-        return expected
-
-    def means(self) -> Array:
-        """Like ``sums``, but the mean of each, with the RD itself."""
-        means = self.sums / self.sums[:, :1]
-        means[:, 2] += self._expected(means[:, 1], means[:, 3:])
-        return means
+    def _places(self, pairs: Iterable[tuple[int, int]], begin: Iterable[float]) -> list[int]:
+        """Number of each pair's row; new ones begin at these times."""
+        places = []
+        for pair, begin_s in zip(pairs, begin, strict=True):
+            places.append(self.pairs.setdefault(pair, len(self.pairs)))
+            if places[-1] == len(self.begin):
+                self.begin.append(begin_s)
+                self.end.append(begin_s)
+        more = len(self.pairs) - len(self.sums)
+        if more:
+            self.sums = np.pad(self.sums, ((0, more), (0, 0)))
+            self.white = np.pad(self.white, (0, more))
+            self.position = np.pad(self.position, (0, more))
+        return places
 
     def refer(self, nominal: Array) -> None:
         """Take another trajectory as nominal."""
-        means = self.means()
+        count = self.sums[:, 0]
+        mean = self.sums / count[:, None]
+        more = _expected(self.nominal, mean[:, 1], mean[:, 3:])
+        more -= _expected(nominal, mean[:, 1], mean[:, 3:])
+        self.sums[:, 2] += count * more
         self.nominal = nominal
-        means[:, 2] -= self._expected(means[:, 1], means[:, 3:])
-        self.sums[:, 2] = means[:, 2] * self.sums[:, 0]
 
     def __iadd__(self, later: Self) -> Self:
         """Add a later block of the same nominal trajectory."""
-        places = [
-            self._place(pair, begin) for pair, begin in zip(later.pairs, later.begin, strict=True)
-        ]
+        places = self._places(later.pairs, later.begin)
         self.sums[places] += later.sums
         self.white[np.ix_(places, places)] += later.white
         self.position[places] += later.position
         for place, end in zip(places, later.end, strict=True):
             self.end[place] = max(self.end[place], end)
         return self
-
-    @property
-    def centre(self) -> Array:
-        """Mean of time, and of the receivers' places, (1 + d,)."""
-        count = self.sums[:, 0].sum()
-        first, second = np.split(self.sums[:, 3:].sum(0) / count, 2)
-        return np.concatenate([[self.sums[:, 1].sum() / count], 0.5 * (first + second)])
 
 
 class Table(NamedTuple):
@@ -140,6 +130,11 @@ class NormalPoints:
     def receivers(self) -> list[int]:
         """Ids, in the order of their first rows."""
         return list(self._places)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no rows."""
+        return not self._blocks
 
     @property
     def measurements(self) -> int:
@@ -206,9 +201,12 @@ class NormalPoints:
         """
         d = self._d
         while len(self._blocks) > 2 and sum(len(b.pairs) for b in self._blocks) > self._capacity:
-            centres = np.array([block.centre for block in self._blocks])
-            t = centres[:, :1]
-            sight = theta[:d] + t * theta[d:] - centres[:, 1:]
+            begin = np.cumsum([0, *(len(block.pairs) for block in self._blocks[:-1])])
+            total = np.add.reduceat(np.concatenate([b.sums for b in self._blocks]), begin)
+            centre = total / total[:, :1]
+            t = centre[:, 1:2]
+            at = 0.5 * (centre[:, 3 : 3 + d] + centre[:, 3 + d :])
+            sight = theta[:d] + t * theta[d:] - at
             distance = np.linalg.norm(sight, axis=1) + 1e-9
             turn = np.linalg.norm(np.diff(sight / distance[:, None], axis=0), axis=1)
             turn += np.abs(np.diff(np.log(distance)))
@@ -222,27 +220,30 @@ class NormalPoints:
             self._table = None
 
     def _tabulate(self) -> Table:
-        d = self._d
-        mean = np.concatenate([block.means() for block in self._blocks])
-        count = np.concatenate([block.sums[:, 0] for block in self._blocks])
-        position = np.concatenate([block.position for block in self._blocks]) / count**2
-        begin = np.concatenate([block.begin for block in self._blocks])
-        end = np.concatenate([block.end for block in self._blocks])
+        d, blocks = self._d, self._blocks
+        sums = np.concatenate([block.sums for block in blocks])
+        count = sums[:, 0]
+        mean = sums / count[:, None]
+        lengths = [len(block.pairs) for block in blocks]
+        nominal = np.repeat([block.nominal for block in blocks], lengths, axis=0)
+        rd = mean[:, 2] + _expected(nominal, mean[:, 1], mean[:, 3:])
+        position = np.concatenate([block.position for block in blocks]) / count**2
+        begin = np.array([begin for block in blocks for begin in block.begin])
+        end = np.array([end for block in blocks for end in block.end])
         # n epochs a period apart stand for n periods.
         span = np.where(count > 1.0, (end - begin) * count / np.maximum(count - 1.0, 1.0), 0.0)
-        total = len(mean)
-        white = np.zeros((total, total))
-        signs = np.zeros((len(self._places), total))
-        numbers = np.zeros(total, dtype=np.intp)
-        k = 0
-        for number, block in enumerate(self._blocks):
-            own = slice(k, k + len(block.pairs))
+        row = np.arange(len(sums))
+        white = np.zeros((row.size, row.size))
+        last = 0
+        for block, length in zip(blocks, lengths, strict=True):
+            own = slice(last, last := last + length)
             white[own, own] = block.white
-            numbers[own] = number
-            for i, j in block.pairs:
-                signs[self._places[i], k] -= 1.0
-                signs[self._places[j], k] += 1.0
-                k += 1
         white /= count[:, None] * count
+        places = [[self._places[r] for r in pair] for block in blocks for pair in block.pairs]
+        first, second = np.array(places).T
+        signs = np.zeros((len(self._places), row.size))
+        signs[first, row] -= 1.0
+        signs[second, row] += 1.0
         at = np.stack([mean[:, 3 : 3 + d], mean[:, 3 + d :]])
-        return Table(mean[:, 1], span, mean[:, 2], at, signs, white, position, numbers)
+        number = np.repeat(np.arange(len(blocks)), lengths)
+        return Table(mean[:, 1], span, rd, at, signs, white, position, number)

@@ -9,22 +9,14 @@ at the window's first epoch the rows are
 
     z_a = h_a(theta) + eps_a,       eps ~ N(0, Sigma),
 
-and since everything else in them is linear and Gaussian, Sigma is known in closed form
-(Rasmussen, Williams, "Gaussian Processes for Machine Learning", 2006, ch. 2). With t since the
-window's first epoch and s_ra = +1, -1, 0 as receiver r is the second, the first or no part of
-row a, two rows a, b have, receiver by receiver,
+with Sigma in closed form (:mod:`~swarmctl.estimation.row_covariance`). Gauss-Newton on theta
+(damped by Levenberg and Marquardt while a step does not lower the objective) has four or six
+unknowns whatever the number of receivers. The emitter's random part w, a Gaussian process too,
+has its most probable values ``w(t) = diag(q) sum_a walk(t, t_a) g_a (Sigma⁻¹ r)_a``, and each
+iteration linearises at the straight line *and* these. A window that has grown by a block begins
+where it was: one iteration is enough then.
 
-    s_ra s_rb [bias² + drift² t_a t_b + nav² exp(-|t_a - t_b| / tau) u_raᵀ u_rb + colour ...]
-
-and from the emitter's white acceleration of density q, with g_a = u_ja - u_ia and t_a <= t_b,
-``g_aᵀ diag(q) g_b (t_a² t_b / 2 - t_a³ / 6)``. Gauss-Newton on theta (damped by Levenberg and
-Marquardt while a step does not lower the objective) has four or six unknowns whatever the
-number of receivers. The emitter's random part w, a Gaussian process too, has its most probable
-values at the rows' times, ``w_b = diag(q) sum_a walk_ba g_a (Sigma⁻¹ r)_a``, and each iteration
-linearises at the straight line *and* these.
-
-The epochs are kept as normal points (:mod:`~swarmctl.estimation.normal_points`). The mean of w
-over a block of length L is not w in its middle: they differ by a variance of q L³ / 320.
+The epochs are kept as normal points (:mod:`~swarmctl.estimation.normal_points`).
 """
 
 from __future__ import annotations
@@ -34,6 +26,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dtrtrs
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
@@ -41,6 +34,7 @@ from swarmctl.estimation.contrast import Contrast, between
 from swarmctl.estimation.motion import transition
 from swarmctl.estimation.normal_points import NormalPoints, Table
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
+from swarmctl.estimation.row_covariance import RowCovariance, by_receiver, walk
 
 _REACH = 0.5
 """A step moves the emitter by at most this share of its distance to the nearest receiver."""
@@ -50,6 +44,18 @@ _ALIKE = 0.01
 """Share of the range by which two trajectories may differ and be linearised alike."""
 _BENT = 0.05
 """Greatest share of the range by which the emitter may stray from straight lines in a block."""
+
+
+class Pull(NamedTuple):
+    """What pulls the emitter off some straight lines, S of them: one random force per row.
+
+    Attributes:
+        time: Of the rows since the window's first epoch, (M,), s.
+        force: g Sigma⁻¹ r of each row, (S, M, d), 1/m.
+    """
+
+    time: Array
+    force: Array
 
 
 class Fit(NamedTuple):
@@ -108,7 +114,7 @@ class Window:
         begin_s: float,
         *,
         block_s: float = 0.5,
-        capacity: int = 128,
+        capacity: int = 96,
     ) -> None:
         self._mean = as_finite("mean", mean, None)
         n = self._mean.size
@@ -171,22 +177,25 @@ class Window:
         longest = float(self.points.table().span.max())
         return math.sqrt(float(self._psd.max()) * longest**3 / 3.0) > _BENT * distance_m
 
-    def fit(self, starts: Array, iterations: int = 3) -> Fit:
+    def fit(self, starts: Array, iterations: int = 3, pull: Pull | None = None) -> Fit:
         """Climb to the most probable trajectories near some starts.
 
         Args:
             starts: (S, 2d), SI.
             iterations: At most so many steps.
+            pull: What bends them; None for straight lines.
 
         Raises:
             EstimationError: The window has no rows, or their numbers have no finite result.
         """
-        if not self.points.measurements:
+        if self.points.is_empty:
             raise EstimationError("A window without measurements fits any trajectory.")
         table = self.points.table()
         try:
-            straight = np.zeros((len(starts), table.time.size, self._d))
-            best = self._evaluate(starts, straight, table)
+            covariance = RowCovariance(table, self._errors, self._psd)
+            if pull is None:
+                pull = Pull(table.time[:0], np.zeros((len(starts), 0, self._d)))
+            best = self._evaluate(starts, self._bend(pull, table), table, covariance)
             damping = np.zeros(len(starts))
             for _ in range(iterations):
                 A = best.information
@@ -195,12 +204,12 @@ class Window:
                 diagonal = damping[:, None] * np.linalg.diagonal(A)
                 damped = A + diagonal[:, :, None] * np.eye(2 * self._d)
                 step = np.linalg.solve(damped, gradient[..., None])[..., 0]
-                step *= self._reach(best.theta, step, table)[:, None]
+                step *= self._reach(best, step, table)[:, None]
                 length = np.vecdot(step, np.matvec(A, step))
-                bend = self._bent(best, step, table)
+                bend = self._bend(self.pull(_moved(best, step)), table)
                 if (length < _SMALL_STEP).all() and self._is_alike(best, bend, table):
                     break
-                proposed = self._evaluate(best.theta + step, bend, table)
+                proposed = self._evaluate(best.theta + step, bend, table, covariance)
                 better = proposed.objective < best.objective + 1e-3
                 best = _choose(better, proposed, best)
                 damping = np.where(better, damping / 10.0, np.maximum(4.0 * damping, 0.1))
@@ -217,14 +226,12 @@ class Window:
         step = np.linalg.solve(best.information, gradient[..., None])[..., 0]
         length = np.vecdot(step, np.matvec(best.information, step))
         step *= (length < 1.0)[:, None]
-        return best._replace(
-            theta=best.theta + step, residual=best.residual - np.matvec(best.slope, step)
-        )
+        return _moved(best, step)
 
-    def _reach(self, theta: Array, step: Array, table: Table) -> Array:
+    def _reach(self, fit: Fit, step: Array, table: Table) -> Array:
         d = self._d
-        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:]
-        nearest = np.sqrt(((e - table.at[1]) ** 2).sum(-1)).min(-1)
+        sight = _path(fit.theta, fit.bend, table) - table.at[1]
+        nearest = np.sqrt(np.vecdot(sight, sight)).min(-1)
         last = table.time.max()
         moved = np.linalg.norm(step[:, :d] + last * step[:, d:], axis=1)
         moved = np.maximum(moved, np.linalg.norm(step[:, :d], axis=1))
@@ -234,32 +241,29 @@ class Window:
     @staticmethod
     def _is_alike(fit: Fit, bend: Array, table: Table) -> bool:
         """Whether linearising at another bend would change nothing."""
-        d = bend.shape[-1]
-        e = fit.theta[:, None, :d] + table.time[:, None] * fit.theta[:, None, d:] + fit.bend
-        off, sight = bend - fit.bend, e - table.at[1]
+        off, sight = bend - fit.bend, _path(fit.theta, fit.bend, table) - table.at[1]
         return bool((np.vecdot(off, off) <= _ALIKE**2 * np.vecdot(sight, sight)).all())
 
-    def _bent(self, fit: Fit, step: Array, table: Table) -> Array:
-        """Where the emitter most probably strayed from the straight line, (S, M, d), m."""
-        if not self._psd.any():
-            return fit.bend
-        residual = fit.residual - np.matvec(fit.slope, step)
-        weighted = np.linalg.solve(fit.root.mT, residual[..., None])
-        g = fit.sights[1] - fit.sights[0]
-        bend: Array = (self._walk(table) @ (g * weighted)) * self._psd
+    def pull(self, fit: Fit) -> Pull:
+        """What pulls the emitter off a fit's straight lines, for the next one to begin with."""
+        weighted = _solved(fit.root, fit.residual[..., None], transposed=True)
+        return Pull(self.points.table().time, (fit.sights[1] - fit.sights[0]) * weighted)
+
+    def _bend(self, pull: Pull, table: Table) -> Array:
+        """Where the emitter most probably strays from the straight line, (S, M, d), m."""
+        bend: Array = (walk(table.time, pull.time) @ pull.force) * self._psd
         return bend
 
-    def _evaluate(self, theta: Array, bend: Array, table: Table) -> Fit:
-        d = self._d
-        e = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:] + bend
-        sight = e - table.at[:, None]  # (2, S, M, d)
+    def _evaluate(self, theta: Array, bend: Array, table: Table, covariance: RowCovariance) -> Fit:
+        sight = _path(theta, bend, table) - table.at[:, None]  # (2, S, M, d)
         distance = np.sqrt(np.vecdot(sight, sight)) + 1e-9
         u = sight / distance[..., None]
         g = u[1] - u[0]
-        root = np.linalg.cholesky(self._covariance(table, u, g))
+        root = np.linalg.cholesky(covariance.along(u))
         J = np.concatenate([g, table.time[:, None] * g], axis=-1)
         r = table.rd - (distance[1] - distance[0]) + np.vecdot(g, bend)
-        whitened = np.linalg.solve(root, np.concatenate([J, r[..., None]], axis=-1))
+        rows = np.concatenate([J, r[..., None]], axis=-1)
+        whitened = _solved(root, rows)
         slope, residual = whitened[..., :-1], whitened[..., -1]
         off = theta - self._mean
         objective = np.vecdot(residual, residual)
@@ -267,63 +271,6 @@ class Window:
         objective += 2.0 * np.log(np.linalg.diagonal(root)).sum(-1)
         information = slope.mT @ slope + self._information
         return Fit(theta, objective, information, residual, slope, root, u, bend)
-
-    def _covariance(self, table: Table, u: Array, g: Array) -> Array:
-        """Sigma, (S, M, M)."""
-        errors, t = self._errors, table.time
-        shared = table.signs.T @ table.signs
-        apart = np.abs(t[:, None] - t)
-        scalar = errors.bias_m**2 + errors.drift_mps**2 * t[:, None] * t
-        if errors.colour_m > 0.0:
-            scalar = scalar + errors.colour_m**2 * self._averaged(table)
-        Sigma: Array = table.white + shared * scalar
-        if errors.navigation_m > 0.0:
-            V = self._by_receiver(table, u)
-            V = V.reshape(len(u[0]), -1, t.size)
-            decay = errors.navigation_m**2 * np.exp(-apart / errors.navigation_tau_s)
-            Sigma = Sigma + decay * (V.mT @ V)
-        if self._psd.any():
-            walk = self._walk(table)
-            same_block = table.block[:, None] == table.block
-            walk += np.outer(table.span**1.5, table.span**1.5) / 320.0 * same_block
-            Sigma = Sigma + walk * ((g * self._psd) @ g.mT)
-        return np.broadcast_to(Sigma, (len(u[0]), t.size, t.size))
-
-    @staticmethod
-    def _walk(table: Table) -> Array:
-        """Covariance of positions by white acceleration of density 1, (M, M), s³."""
-        early = np.minimum(table.time[:, None], table.time)
-        late = np.maximum(table.time[:, None], table.time)
-        walk: Array = early * early * (0.5 * late - early / 6.0)
-        return walk
-
-    @staticmethod
-    def _by_receiver(table: Table, u: Array) -> Array:
-        """s_ra u_ra, (S, R, d, M)."""
-        second = np.maximum(table.signs, 0.0)
-        first = np.minimum(table.signs, 0.0)
-        of_second = second[:, None, :] * u[1].mT[:, None]
-        both: Array = of_second + first[:, None, :] * u[0].mT[:, None]
-        return both
-
-    def _averaged(self, table: Table) -> Array:
-        """Correlation of the colour between rows that are averages over their spans, (M, M).
-
-        The exact integral of ``exp(-|u - v| / tau)`` over both spans: of whatever spans and
-        times, a covariance that is one.
-        """
-        tau = self._errors.colour_tau_s
-        span = np.maximum(table.span, 1e-3 * tau)
-        begin, end = table.time - 0.5 * span, table.time + 0.5 * span
-
-        def twice(x: Array) -> Array:
-            """The integral's primitive, of ``exp(-|x| / tau)`` integrated twice."""
-            return tau * tau * np.exp(-np.abs(x) / tau) + tau * np.abs(x)
-
-        total = twice(end[:, None] - begin) + twice(begin[:, None] - end)
-        total -= twice(begin[:, None] - begin) + twice(end[:, None] - end)
-        mean: Array = total / (span[:, None] * span)
-        return mean
 
     def condense(self, fit: Fit, index: int, epoch_s: float) -> tuple[Array, Array]:
         """The state of emitter and receivers at an epoch, given all rows.
@@ -357,7 +304,7 @@ class Window:
         if layout.navigation is not None:
             decay = errors.navigation_m**2 * np.exp((t - T) / errors.navigation_tau_s)
             place = slice(layout.navigation, layout.navigation + d)
-            of_receivers[:, place] = decay * self._by_receiver(table, u)[0]
+            of_receivers[:, place] = decay * by_receiver(table, u)[0]
         if layout.colour is not None:
             tau = errors.colour_tau_s
             span = np.maximum(table.span, 1e-3 * tau)
@@ -368,7 +315,7 @@ class Window:
 
         P = np.diag(np.concatenate([np.zeros(2 * d), np.tile(errors.variance(d), receivers)]))
         _, P = predict(np.zeros(n), P, T, self._psd, errors, layout)
-        whitened = np.linalg.solve(fit.root[index], C.T)
+        whitened = _solved(fit.root[index : index + 1], C.T[None])[0]
         B = -whitened.T @ fit.slope[index]
         F = transition(T, d)
         B[: 2 * d] += F
@@ -377,6 +324,30 @@ class Window:
         of_theta = np.linalg.inv(fit.information[index])
         P = P - whitened.T @ whitened + B @ of_theta @ B.T
         return x, 0.5 * (P + P.T)
+
+
+def _solved(root: Array, rows: Array, *, transposed: bool = False) -> Array:
+    """``root⁻¹ rows``, or ``root⁻ᵀ rows``, of lower triangular roots, (S, M, M) and (S, M, K).
+
+    By LAPACK itself, since its wrappers cost more than the solution. Its matrices are stored by
+    columns: it takes a root's transpose, an upper triangle, as it is.
+    """
+    trans = 0 if transposed else 1
+    found = [dtrtrs(L.T, B, lower=0, trans=trans)[0] for L, B in zip(root, rows, strict=True)]
+    return np.stack(found)
+
+
+def _path(theta: Array, bend: Array, table: Table) -> Array:
+    """Where the emitter is at each row's time, (S, M, d), m."""
+    d = bend.shape[-1]
+    at: Array = theta[:, None, :d] + table.time[:, None] * theta[:, None, d:] + bend
+    return at
+
+
+def _moved(fit: Fit, step: Array) -> Fit:
+    """By a step of theta, (S, 2d), small enough for the linearisation at hand."""
+    residual = fit.residual - np.matvec(fit.slope, step)
+    return fit._replace(theta=fit.theta + step, residual=residual)
 
 
 def _choose(better: Mask, proposed: Fit, best: Fit) -> Fit:

@@ -8,9 +8,10 @@ import pytest
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.augmented import Rows, star, update
+from swarmctl.estimation.motion import transition
 from swarmctl.estimation.nuisance import ReceiverErrors, predict
 from swarmctl.estimation.rd_model import range_differences
-from swarmctl.estimation.window import Window
+from swarmctl.estimation.window import Pull, Window
 from tests.estimation.receivers import REAL, WHITE, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)
@@ -79,6 +80,39 @@ def test_epochs_averaged_into_blocks_tell_the_same() -> None:
     for x, P in found[1:]:
         assert np.abs((x - found[0][0])[:2] / sigma).max() < 0.3
         np.testing.assert_allclose(np.sqrt(np.diag(P)[:2]), sigma, rtol=0.1)
+
+
+def test_a_window_that_grows_goes_on_where_it_was() -> None:
+    """Around an emitter whose walk takes it a range away from any straight line."""
+    rng = np.random.default_rng(8)
+    psd = np.array([20.0, 20.0])
+    step = np.kron([[1.0 / 3.0, 1.0 / 2.0], [1.0 / 2.0, 1.0]], np.diag(psd))
+    root = np.linalg.cholesky(step)
+    emitter = np.array([0.0, 0.0, 5.0, 0.0])
+    window = Window(emitter, np.diag([1e4, 1e4, 1e2, 1e2]), ReceiverErrors(), psd, 0.0)
+    theta, pull = emitter[None], Pull(np.zeros(0), np.zeros((1, 0, 2)))
+    slots = 300.0 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    for k in range(60):
+        at = emitter[:2] + 1500.0 * np.array([np.cos(0.02 * k), np.sin(0.02 * k)]) + slots
+        rd = range_differences(emitter[:2], at[0], at[1:])
+        rd = rd + np.linalg.cholesky(WHITE) @ rng.standard_normal(3)
+        window.points.add(star(float(k), 0, at[0], [1, 2, 3], at[1:], rd, WHITE), theta[0])
+        fit = window.fit(theta, 3, pull)
+        theta, pull = fit.theta, window.pull(fit)
+        emitter = transition(1.0, 2) @ emitter + root @ rng.standard_normal(4)
+    strayed = float(np.linalg.norm(fit.bend[0, -1]))
+    assert strayed > 1000.0
+    thoroughly = window.fit(theta, 50, pull)
+    off = thoroughly.theta[0] - theta[0]
+    assert off @ fit.information[0] @ off < 0.1**2
+    assert np.linalg.norm(thoroughly.bend - fit.bend, axis=-1).max() < 0.01 * 1500.0
+    # The line and its bend end where the state is.
+    x, _ = window.condense(thoroughly, 0, 59.0)
+    end: Array = transition(59.0, 2)[:2] @ thoroughly.theta[0] + thoroughly.bend[0, -1]
+    np.testing.assert_allclose(x[:2], end, atol=0.01 * strayed)
+    # No step is needed to be there, and a straight line is not.
+    assert window.fit(theta, 0, pull).objective[0] < thoroughly.objective[0] + 0.01
+    assert window.fit(theta, 3).objective[0] > thoroughly.objective[0] + 1.0
 
 
 def test_the_worst_row_is_the_echo_and_can_be_dropped() -> None:
