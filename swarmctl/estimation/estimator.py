@@ -58,6 +58,10 @@ _STRAIGHT = 0.05
 """The window ends when the curvature of the RDs over the spread expected ``_AHEAD_S`` from now
 is below this share of their white noise."""
 
+_SETTLES_S = 1.0
+"""For so long after a silence of at least as long every epoch is a block of the window: half a
+second by one linearisation is too much where the track is 100 m wide, 500 m from the emitter."""
+
 
 class Estimator:
     """The track of one emitter.
@@ -114,6 +118,7 @@ class Estimator:
         self._begin_again()
 
     def _begin_again(self) -> None:
+        self._settled_s = -math.inf
         self._turning = 0.0  # greatest probability of a manoeuvre since the last renewal
         self._window: Window | None = None
         self._theta: Array = np.zeros((0, 2 * self._model.d))  # of the window, each mode's
@@ -355,8 +360,12 @@ class Estimator:
                 nus = np.stack([nu[kept] for _, _, nu, _ in candidates])
                 covariances = np.stack([S[np.ix_(kept, kept)] for *_, S in candidates])
                 mixture.compare(likelihood, self._contrast(mixture, good, nus, covariances))
-        elif count and lag_s == 0.0 and window.points.add(good, self._theta[best]):
-            self._renew(window, mixture, rows)
+        elif count and lag_s == 0.0:
+            if dt > _SETTLES_S:
+                self._settled_s = rows.epoch_s + _SETTLES_S
+            alone = rows.epoch_s < self._settled_s
+            if window.points.add(good, self._theta[best], alone=alone) or alone:
+                self._renew(window, mixture, rows)
 
     def _contrast(self, mixture: Mixture, rows: Rows, nu: Array, S: Array) -> Contrast:
         """Between the modes in the rows of one epoch.

@@ -19,6 +19,7 @@ from swarmctl.estimation.initial import Prior, sector
 from swarmctl.estimation.manoeuvre import Manoeuvre
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.rd_model import range_differences
+from swarmctl.estimation.window import Fit, Pull, Window
 from tests.estimation.receivers import PERIOD_S, REAL, WHITE, flight
 
 RUNS = 16
@@ -176,6 +177,26 @@ def test_silence_makes_it_less_sure_by_its_velocity() -> None:
     assert np.trace(later.P[:2, :2]) > 100.0 * np.trace(now.P[2:, 2:])
     ahead = run.emitter[-1, :2] + 10.0 * run.emitter[-1, 2:]
     assert nees(later.x[:2] - ahead, later.P[:2, :2]) < chi2.ppf(0.999, 2)
+
+
+def test_for_a_second_after_a_silence_the_window_is_solved_at_every_epoch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else 8 of 480 tracks go wrong that hear again close to the emitter, and one so."""
+    run = flight(np.random.default_rng(11), REAL, 10.0)
+    track = tracked(run.rows[:51], run.emitter[0])
+    solved: list[float] = []
+    fit = Window.fit
+
+    def counted(self: Window, starts: Array, pull: Pull | None) -> Fit:
+        solved.append(track.epoch_s)
+        return fit(self, starts, pull=pull)
+
+    monkeypatch.setattr(Window, "fit", counted)
+    for rows in run.rows[80:]:
+        track.update(rows)
+    np.testing.assert_allclose(solved[:10], 8.0 + 0.1 * np.arange(10))
+    assert 1 <= len(solved[10:]) <= 3
 
 
 def test_another_reference_changes_nothing() -> None:
