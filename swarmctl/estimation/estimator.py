@@ -22,12 +22,13 @@ Begin
     or so is collected, cleaned of echoes pair by pair, and every mode of the posterior sought.
     All probable modes (mirror images) are carried, each with its probability.
 Width
-    While the window lasts, the states are taken anew from it whenever a block is complete, but
-    for what is believed of a manoeuvre, of which its straight trajectory knows nothing. It ends
-    when straight lines of sight are good enough to linearise at for good, when the
-    emitter manoeuvres, or when its random motion within a block is no longer small. (Ended
-    earlier, in an orbit with real clocks, each epoch linearised at its own estimate makes the
-    track surer and surer of a place hundreds of metres off, with innovations as they should be.)
+    While the window lasts, the states are taken anew from it whenever a block is complete, and
+    for a second after a silence at every epoch, but for what is believed of a manoeuvre, of
+    which its straight trajectory knows nothing. It ends when straight lines of sight are good
+    enough to linearise at for good, when the emitter manoeuvres, or when its random motion
+    within a block is no longer small. (Ended earlier, in an orbit with real clocks, each epoch
+    linearised at its own estimate makes the track surer and surer of a place hundreds of metres
+    off, with innovations as they should be.)
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ than what it is given.
 
 Measured in Table 1's geometry at 50 Hz, 300-800 runs: in quiet flight the RMSE is that of a filter
 told that there are no manoeuvres (0-2 % more) and the NEES 10-14 % below its 2; merged at every
-step, 15-20 % more RMSE. At 8 s turns by 90° to either side, or a stop, from 20 m/s: within a second
-the mean NEES is below 6, and five seconds later the error 1.3-1.5 x the bound of the
+step, 15-20 % more RMSE. At 8 s turns by 90° to either side, or a stop, from 20 m/s: a second
+later the mean NEES is 6 at most, and five seconds later the error 1.3-1.5 x the bound of the
 constant-velocity model. A tree of twenty hypotheses, one for each tenth of a second in which a
 manoeuvre may have begun and none of them merged, has the same NEES at all times: what is left of
 the first half second (up to 24) is what nobody can know yet.
