@@ -291,6 +291,7 @@ class Estimator:
         modes = distinct(fit, score)
         data = -0.5 * np.vecdot(fit.residual, fit.residual)
         for k in modes[1:]:
+            # Of what the rows say only what is real.
             score[k] += window.evidence(fit, modes[0], k) - (data[k] - data[modes[0]])
         probable = is_probable(score[modes])
         chosen = [k for k, is_kept in zip(modes, probable, strict=True) if is_kept]
