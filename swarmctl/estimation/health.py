@@ -182,7 +182,10 @@ class Health:
         self._far_since_s = min(self._far_since_s, now_s) if far else math.inf
         if now_s - self._far_since_s >= self._diverged_after_s:
             self._status, self._cause = "diverged", self._cause or cause
-        stand_out = sorted(r for r, beyond in of_receivers.items() if beyond > _CLEAR)
+        # Who shares rows with a bad receiver loses some of them, and is not meant.
+        shares = {r: n / self._heard[r] for r, n in self._aside.items() if n}
+        least = 0.5 * (max(shares.values(), default=0.0) + _ECHOES)
+        stand_out = sorted(r for r, n in shares.items() if of_receivers[r] > _CLEAR and n > least)
         heard = sum(count > 0 for count in self._heard.values())
         some = self._cause == "rejected" and len(stand_out) < heard
         receivers = tuple(stand_out) if some else ()

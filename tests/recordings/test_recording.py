@@ -107,7 +107,6 @@ MEASURED = "time_s,receiver_i,receiver_j,rd_m\n"
         ("time_s,receiver_i,rd_m\n0,A,1\n", "line 1: the column is missing: receiver_j; the head"),
         ("time_s,rd_m,rd_m,receiver_i,receiver_j\n", "line 1: the column rd_m is there twice"),
         (MEASURED + "0,A,B,1\n0.2,A,B,1\n\n0.1,A,B,1\n", "line 5: time_s is 0.1 after 0.2; lines"),
-        (MEASURED + "0,A,B,1\n0,A,C,1\n0,B,A,1\n", "line 4: the pair of receivers 'B' and 'A' at"),
         (MEASURED + "0,A,D,1\n", "line 2: receiver_j 'D' is not among the receivers; there are A,"),
         (MEASURED + "0,A,,1\n", "line 2: receiver_j is empty"),
         (MEASURED + "0,A,A,1\n", "line 2: receiver_i and receiver_j are both 'A'"),
