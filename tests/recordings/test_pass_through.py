@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, norm
 
-from sim.room import COLOUR_M, SIGMA_M, TAU_S
+from sim.room import COLOUR_M, SIGMA_M, TAU_S, record, write
 from swarmctl.errors import UsageError
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.consistency import nees
@@ -92,6 +92,31 @@ def test_who_takes_the_errors_for_white_believes_too_much() -> None:
     mean_nees = found["mean_nees"]
     assert isinstance(mean_nees, float)
     assert mean_nees > chi2.ppf(0.999, 3 * 8) / 8
+
+
+def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path: Path) -> None:
+    """Errors by direction, counted among the correlated ones, and one receiver 1.5 m too far.
+
+    Before that, 6 s have some 6 independent errors, mostly of the height.
+    """
+    bias_m, blocked = 0.2, 5
+    write(record(1, 9.0, bias_m=bias_m, blocked=(blocked, 6.0, 9.0)), tmp_path)
+    told = Settings(colour_m=math.hypot(COLOUR_M, bias_m))
+    receivers = read_receivers(tmp_path / "receivers.csv")
+    epochs = read_epochs(tmp_path / "measurements.csv", receivers, told.sigma_m)
+    judged, counts, named = Judged(3, read_truth(tmp_path / "truth.csv")), Counts(), []
+    for step in track("tracker", told, receivers, epochs, counts):
+        named.append((step.epoch_s, step.verdict.receivers))
+        if step.epoch_s < 6.0:
+            judged.add(step)
+    series = judged.series()
+    claimed, rmse = (np.sqrt(np.mean(x**2)) for x in (series.sigma, series.error))
+    assert rmse < claimed * math.sqrt(chi2.ppf(0.999, 6) / 6)
+    assert series.nees.mean() < chi2.ppf(0.999, 3 * 6) / 6
+    assert counts.restarts == 0
+    assert {who for t, who in named if t < 6.0} == {()}
+    assert named[-1][1] == (blocked,)
+    assert {who for t, who in named} == {(), (blocked,)}
 
 
 # --- Outliers and what is worse, in the same room ------------------------------------------
