@@ -24,6 +24,8 @@ from swarmctl.recordings.tables import Line, lines
 _POSITION = ("east_m", "north_m", "up_m")
 _FARTHEST_M = 1e9
 """What is further away is a slip of the pen, or in other units."""
+_LATEST_S = 1e11
+"""What is later, be it of Unix time, is in other units: milliseconds or less."""
 LARGEST_RHO = 0.495
 """Where pairs close a loop (ab, bc, ac), a hundredth of the variance is each row's own: with
 all of it the arrivals', the covariance is singular."""
@@ -115,7 +117,7 @@ def read_receivers(path: Path) -> Receivers:
                 f"receiver {line.cells['receiver']!r} is there twice; one line each, or a column"
                 " time_s for receivers that move, would be right."
             )
-        time_s = line.number_in("time_s") if moving else 0.0
+        time_s = line.number_in("time_s", largest=_LATEST_S) if moving else 0.0
         if own:
             _check_later(line, time_s, own[-1][0], f" of receiver {line.cells['receiver']!r}")
         own.append((time_s, _position(line)))
@@ -147,7 +149,7 @@ def read_epochs(path: Path, receivers: Receivers, sigma_m: float) -> Iterator[Ep
     now_s = -math.inf
     gathered: list[Measurement] = []
     for line in lines(path, ("time_s", "receiver_i", "receiver_j", "rd_m"), ("sigma_m",)):
-        time_s = line.number_in("time_s")
+        time_s = line.number_in("time_s", largest=_LATEST_S)
         if time_s < now_s:
             raise line.wrong(
                 f"time_s is {time_s:.15g} after {now_s:.15g}; lines sorted by time would be right."
@@ -170,7 +172,7 @@ def read_truth(path: Path) -> Path3D:
     times: list[float] = []
     positions: list[Array] = []
     for line in lines(path, ("time_s", *_POSITION)):
-        time_s = line.number_in("time_s")
+        time_s = line.number_in("time_s", largest=_LATEST_S)
         if times:
             _check_later(line, time_s, times[-1], "")
         times.append(time_s)
