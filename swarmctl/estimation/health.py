@@ -7,7 +7,7 @@ geometry. Sums over a few seconds say when they are not:
     Their squares add up to more than chi-squared allows: sigmas are too small, or something
     is missing from the model.
 ``too_quiet``
-    They add up to less than chi-squared allows, even of half the variance: careful people
+    They add up to less than chi-squared allows, even of a quarter of the variance: careful people
     claim a somewhat larger sigma than they have, but a track that is fed the same again and
     again learns to expect it.
 ``correlated``
@@ -52,8 +52,8 @@ ALARM = 5.2
 hour once in thousands of hours."""
 _CLEAR = 2.5
 """Sigmas below which a sum is well inside."""
-_CAREFUL = 0.5
-"""Variance that there may be in place of 1: sigmas that are 1.4 x too large do no harm."""
+_CAREFUL = 0.25
+"""Variance that there may be in place of 1: sigmas that are twice too large do no harm."""
 _ECHOES = 0.3
 """Share set aside that echoes explain."""
 _HOPELESS = 0.6

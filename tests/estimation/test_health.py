@@ -98,6 +98,12 @@ def test_one_receiver_that_is_always_set_aside_is_named() -> None:
     )
 
 
+def test_sigmas_may_be_almost_twice_too_large() -> None:
+    rng = np.random.default_rng(5)
+    verdicts = run(Health(), 60.0, lambda _: 0.55 * rng.standard_normal(3), 0.0)
+    assert {verdict.status for verdict in verdicts} == {"initialising", "tracking"}
+
+
 def test_who_shares_rows_with_a_bad_receiver_is_not_named() -> None:
     """Single rows of pairs in turn, those of receiver 3 always set aside."""
     health = Health()
