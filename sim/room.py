@@ -1,7 +1,9 @@
 """A recording of an emitter in a room: eight receivers in its corners, pairs taken in turn.
 
 What a radio (UWB) system does to a range difference: white noise, multipath whose error is
-correlated over half a second, and gross outliers. The files have the columns that
+correlated over half a second, and gross outliers. A hard room adds what a filter is seldom told
+of: an error of each receiver that depends on the direction the signal comes from, and a receiver
+that somebody stands in front of. The files have the columns that
 ``swarmctl track`` reads; ``python -m sim.room DIRECTORY`` writes the ones that the tests use.
 """
 
@@ -11,6 +13,8 @@ import math
 import sys
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from sim.noise import generator
 
@@ -23,7 +27,15 @@ COLOUR_M, TAU_S = 0.2, 0.5
 OUTLIERS = 0.15
 FARTHEST_M = 150.0
 """Share of gross outliers, and how large they get."""
+BLOCKED_M = 1.5
+"""Detour to a receiver that is blocked."""
+_WAVES, _WAVES_PER_RAD = 3, 2.0
+"""A receiver's directional error: so many waves over the sphere of directions, of about such a
+wave number (an antenna's pattern, and reflections from the walls nearby)."""
 _TRUTH_HZ = 20.0
+
+
+Point = tuple[float, float, float]
 
 
 class Room(NamedTuple):
@@ -40,7 +52,7 @@ class Room(NamedTuple):
     truth: str
 
 
-def emitter(t: float) -> tuple[float, float, float]:
+def emitter(t: float) -> Point:
     """Where the emitter is at a time: on the floor for a second, then it takes off."""
     away = 1.0 - math.exp(-0.3 * max(t - 1.0, 0.0) ** 2)
     return (
@@ -50,12 +62,40 @@ def emitter(t: float) -> tuple[float, float, float]:
     )
 
 
-def record(seed: int, duration_s: float) -> Room:
+class Directional:
+    """An error of a receiver that depends on the direction of the emitter.
+
+    Args:
+        rng: Draws it.
+        sigma_m: 1-sigma over all directions, m.
+    """
+
+    def __init__(self, rng: np.random.Generator, sigma_m: float) -> None:
+        self._waves = _WAVES_PER_RAD * rng.standard_normal((_WAVES, 3))
+        self._phases = rng.uniform(0.0, 2.0 * math.pi, _WAVES)
+        self._amplitude = sigma_m * math.sqrt(2.0 / _WAVES)
+
+    def __call__(self, emitter: Point, receiver: Point) -> float:
+        """The error, m."""
+        sight = np.subtract(emitter, receiver)
+        sight /= np.linalg.norm(sight)
+        return self._amplitude * float(np.cos(self._waves @ sight + self._phases).sum())
+
+
+def record(
+    seed: int,
+    duration_s: float,
+    *,
+    bias_m: float = 0.0,
+    blocked: tuple[int, float, float] | None = None,
+) -> Room:
     """Record an emitter that flies about the room.
 
     Args:
         seed: Of all errors.
         duration_s: Length, s.
+        bias_m: 1-sigma of a range difference's directional error, m.
+        blocked: A receiver's number, and since when and until when it is blocked, s.
     """
     rng = generator(seed, "room")
     width, depth, height = SIZE_M
@@ -64,12 +104,17 @@ def record(seed: int, duration_s: float) -> Room:
     sigma = COLOUR_M / math.sqrt(2.0)
     keep = math.exp(-1.0 / (RATE_HZ * TAU_S))
     colour = sigma * rng.standard_normal(len(corners))
+    of_directions = generator(seed, "room directions")
+    biases = [Directional(of_directions, bias_m / math.sqrt(2.0)) for _ in corners]
     rows = []
     for k in range(round(duration_s * RATE_HZ)):
         t = k / RATE_HZ
         i, j = k % len(corners), (k + 1 + int(rng.integers(len(corners) - 1))) % len(corners)
         e = emitter(t)
         rd = math.dist(e, corners[j]) + colour[j] - math.dist(e, corners[i]) - colour[i]
+        rd += biases[j](e, corners[j]) - biases[i](e, corners[i])
+        if blocked is not None and blocked[1] <= t < blocked[2]:
+            rd += BLOCKED_M * ((j == blocked[0]) - (i == blocked[0]))
         rd += SIGMA_M * rng.standard_normal()
         if rng.random() < OUTLIERS:
             rd += rng.choice((-1.0, 1.0)) * rng.uniform(1.0, FARTHEST_M)

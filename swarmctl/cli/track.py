@@ -65,7 +65,7 @@ def track(
     process_noise: Annotated[
         float,
         typer.Option("--process-noise", help="Of the emitter's acceleration, per axis, m²/s³."),
-    ] = 0.5,
+    ] = 0.2,
     speed: Annotated[
         float, typer.Option("--speed", help="1-sigma of its first velocity, per axis, m/s.")
     ] = 1.0,

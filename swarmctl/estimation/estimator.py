@@ -49,7 +49,7 @@ from swarmctl.estimation.manoeuvre import BELIEVED, Manoeuvre, matched
 from swarmctl.estimation.mixture import Estimate, Limits, Mixture, Model, is_probable
 from swarmctl.estimation.nuisance import ReceiverErrors
 from swarmctl.estimation.repetition import Repetition
-from swarmctl.estimation.robust import screen, tells_echoes
+from swarmctl.estimation.robust import GATE, screen, tells_echoes
 from swarmctl.estimation.window import Fit, Pull, Window
 
 _MODES = 4
@@ -83,6 +83,7 @@ class Estimator:
         manoeuvre: How it may change its mind; None for an emitter that does not.
         block_s: Length of a block of the window, s.
         capacity: Rows of the window.
+        gate: Sigmas beyond which an arrival is set aside.
 
     Raises:
         EstimationError: A shape is wrong, a number not finite, or the prior no covariance.
@@ -97,6 +98,7 @@ class Estimator:
         manoeuvre: Manoeuvre | None = None,
         block_s: float = 0.5,
         capacity: int = 96,
+        gate: float = GATE,
     ) -> None:
         psd = as_finite("process_noise", process_noise, None)
         d = psd.size
@@ -111,6 +113,7 @@ class Estimator:
         self._model = Model(psd, errors, manoeuvre)
         self._block_s = block_s
         self._capacity = capacity
+        self._gate = gate
         self.used = 0
         self.aside = 0
         self.repeated = 0
@@ -340,7 +343,7 @@ class Estimator:
         candidates = []
         for k in np.argsort(-mixture.log_probability):
             nu, S = matched(first.nu[k], first.S[k], mixture.weight[k])
-            candidates.append((screen(nu, S, rows), int(k), nu, S))
+            candidates.append((screen(nu, S, rows, self._gate), int(k), nu, S))
         screened, best, nu, S = min(candidates, key=lambda candidate: len(candidate[0].aside))
         weighed = rows._replace(covariance=screened.covariance)
         likelihood = mixture.update(weighed, lag_s, first, iterations=3 if at is None else 1)

@@ -7,7 +7,7 @@ geometry. Sums over a few seconds say when they are not:
     Their squares add up to more than chi-squared allows: sigmas are too small, or something
     is missing from the model.
 ``too_quiet``
-    They add up to less than chi-squared allows, even of half the variance: careful people
+    They add up to less than chi-squared allows, even of a quarter of the variance: careful people
     claim a somewhat larger sigma than they have, but a track that is fed the same again and
     again learns to expect it.
 ``correlated``
@@ -52,8 +52,8 @@ ALARM = 5.2
 hour once in thousands of hours."""
 _CLEAR = 2.5
 """Sigmas below which a sum is well inside."""
-_CAREFUL = 0.5
-"""Variance that there may be in place of 1: sigmas that are 1.4 x too large do no harm."""
+_CAREFUL = 0.25
+"""Variance that there may be in place of 1: sigmas that are twice too large do no harm."""
 _ECHOES = 0.3
 """Share set aside that echoes explain."""
 _HOPELESS = 0.6
@@ -182,7 +182,10 @@ class Health:
         self._far_since_s = min(self._far_since_s, now_s) if far else math.inf
         if now_s - self._far_since_s >= self._diverged_after_s:
             self._status, self._cause = "diverged", self._cause or cause
-        stand_out = sorted(r for r, beyond in of_receivers.items() if beyond > _CLEAR)
+        # Who shares rows with a bad receiver loses some of them, and is not meant.
+        shares = {r: n / self._heard[r] for r, n in self._aside.items() if n}
+        least = 0.5 * (max(shares.values(), default=0.0) + _ECHOES)
+        stand_out = sorted(r for r, n in shares.items() if of_receivers[r] > _CLEAR and n > least)
         heard = sum(count > 0 for count in self._heard.values())
         some = self._cause == "rejected" and len(stand_out) < heard
         receivers = tuple(stand_out) if some else ()

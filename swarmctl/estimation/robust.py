@@ -35,7 +35,7 @@ class Screened(NamedTuple):
     Attributes:
         kept: Rows with no receiver set aside, (K,).
         covariance: White covariance with those set aside, (K, K), m².
-        aside: Ids of the receivers set aside.
+        aside: Ids of the receivers set aside; both of a row that nothing else tells apart.
     """
 
     kept: Mask
@@ -75,7 +75,10 @@ def screen(nu: Array, S: Array, rows: Rows, gate: float = GATE) -> Screened:
         worst = int(np.argmax(statistic))
         if statistic[worst] <= limit:
             break
-        aside.append(ids[worst])
+        # Of a row whose two receivers are in no other either may be the one.
+        alike = np.abs(g @ g[worst]) >= g[worst] @ g[worst]
+        alike &= (g * g).sum(1) == g[worst] @ g[worst]
+        aside += [r for r, same in zip(ids, alike, strict=True) if same]
         shift = _ASIDE_M**2 * np.outer(g[worst], g[worst])
         S = S + shift
         covariance = covariance + shift
@@ -91,7 +94,7 @@ def consensus(times: Array, values: Array, sigma: float, gate: float = 5.0) -> M
     within twice as much, and so on. Few samples are all kept.
 
     Args:
-        times: (n,), s, increasing.
+        times: (n,), s; not decreasing.
         values: (n,), m.
         sigma: 1-sigma of a sample, m.
         gate: In sigmas.
@@ -100,6 +103,10 @@ def consensus(times: Array, values: Array, sigma: float, gate: float = 5.0) -> M
     if count < _FEWEST:
         return np.ones(count, dtype=np.bool_)
     i, j = np.triu_indices(count, 1)
+    apart = times[j] > times[i]  # a coarse clock has many at one time
+    i, j = i[apart], j[apart]
+    if not len(i):
+        return np.ones(count, dtype=np.bool_)
     some = slice(None, None, max(1, len(i) // _MOST_LINES))
     i, j = i[some], j[some]
     slope = (values[j] - values[i]) / (times[j] - times[i])

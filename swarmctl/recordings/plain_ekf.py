@@ -35,10 +35,12 @@ class PlainEkf:
     Args:
         prior: Of position and velocity, d axes each, at the first epoch.
         process_noise: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
+        gate: Sigmas beyond which an arrival is set aside.
     """
 
-    def __init__(self, prior: Prior, process_noise: Sequence[float]) -> None:
+    def __init__(self, prior: Prior, process_noise: Sequence[float], *, gate: float) -> None:
         self._psd = np.array(process_noise)
+        self._gate = gate
         self._layout = _WHITE.layout(self._psd.size)
         self.used = 0
         self.aside = 0
@@ -67,7 +69,7 @@ class PlainEkf:
         self._repetition.add(rows)
         x, P = predict(self._x, self._P, dt, self._psd, _WHITE, self._layout)
         first = augmented.innovate(x, P, rows, {}, self._layout)
-        screened = screen(first.nu, first.S, rows)
+        screened = screen(first.nu, first.S, rows, self._gate)
         weighed = rows._replace(covariance=screened.covariance)
         posterior = augmented.update(x, P, weighed, {}, self._layout, first=first, iterations=1)
         self._x, self._P = posterior.x, posterior.P

@@ -24,7 +24,9 @@ from swarmctl.recordings.tables import Line, lines
 _POSITION = ("east_m", "north_m", "up_m")
 _FARTHEST_M = 1e9
 """What is further away is a slip of the pen, or in other units."""
-_LARGEST_RHO = 0.495
+_LATEST_S = 1e11
+"""What is later, be it of Unix time, is in other units: milliseconds or less."""
+LARGEST_RHO = 0.495
 """Where pairs close a loop (ab, bc, ac), a hundredth of the variance is each row's own: with
 all of it the arrivals', the covariance is singular."""
 
@@ -115,7 +117,7 @@ def read_receivers(path: Path) -> Receivers:
                 f"receiver {line.cells['receiver']!r} is there twice; one line each, or a column"
                 " time_s for receivers that move, would be right."
             )
-        time_s = line.number_in("time_s") if moving else 0.0
+        time_s = line.number_in("time_s", largest=_LATEST_S) if moving else 0.0
         if own:
             _check_later(line, time_s, own[-1][0], f" of receiver {line.cells['receiver']!r}")
         own.append((time_s, _position(line)))
@@ -141,15 +143,13 @@ def read_epochs(path: Path, receivers: Receivers, sigma_m: float) -> Iterator[Ep
 
     Raises:
         UsageError: As :func:`~swarmctl.recordings.tables.lines`; or times decrease, a receiver
-            is unknown or paired with itself, a pair is there twice in an epoch, or a number is
-            none.
+            is unknown or paired with itself, or a number is none.
     """
     ids = {name: k for k, name in enumerate(receivers.names)}
     now_s = -math.inf
     gathered: list[Measurement] = []
-    pairs: dict[frozenset[int], int] = {}
     for line in lines(path, ("time_s", "receiver_i", "receiver_j", "rd_m"), ("sigma_m",)):
-        time_s = line.number_in("time_s")
+        time_s = line.number_in("time_s", largest=_LATEST_S)
         if time_s < now_s:
             raise line.wrong(
                 f"time_s is {time_s:.15g} after {now_s:.15g}; lines sorted by time would be right."
@@ -157,17 +157,8 @@ def read_epochs(path: Path, receivers: Receivers, sigma_m: float) -> Iterator[Ep
         if time_s > now_s:
             if gathered:
                 yield Epoch(now_s, tuple(gathered))
-            now_s, gathered, pairs = time_s, [], {}
-        measurement = _measurement(line, ids, sigma_m)
-        pair = frozenset((measurement.first, measurement.second))
-        if pair in pairs:
-            raise line.wrong(
-                f"the pair of receivers {line.cells['receiver_i']!r} and"
-                f" {line.cells['receiver_j']!r} at time_s {time_s:.15g} is already in line"
-                f" {pairs[pair]}; a pair once per time would be right."
-            )
-        pairs[pair] = line.number
-        gathered.append(measurement)
+            now_s, gathered = time_s, []
+        gathered.append(_measurement(line, ids, sigma_m))
     yield Epoch(now_s, tuple(gathered))
 
 
@@ -181,7 +172,7 @@ def read_truth(path: Path) -> Path3D:
     times: list[float] = []
     positions: list[Array] = []
     for line in lines(path, ("time_s", *_POSITION)):
-        time_s = line.number_in("time_s")
+        time_s = line.number_in("time_s", largest=_LATEST_S)
         if times:
             _check_later(line, time_s, times[-1], "")
         times.append(time_s)
@@ -250,7 +241,7 @@ def pair_covariance(first: list[int], second: list[int], sigma_m: Array, rho: fl
     ids = np.unique(np.concatenate([i, j]))
     signs = (j[:, None] == ids).astype(float) - (i[:, None] == ids)
     if np.linalg.matrix_rank(signs) < len(i):
-        rho = min(rho, _LARGEST_RHO)
+        rho = min(rho, LARGEST_RHO)
     shares = rho * (signs @ signs.T) + (1.0 - 2.0 * rho) * np.eye(len(i))
     covariance: Array = shares * np.outer(sigma_m, sigma_m)
     return covariance

@@ -47,6 +47,9 @@ def run(
 ) -> dict[str, object]:
     """Track a recording.
 
+    What an earlier run left in ``out`` stays as it was unless this one gets to the end of the
+    measurements.
+
     Args:
         receivers_file: See :mod:`~swarmctl.recordings.recording`, as for the other two.
         measurements_file: Read while it is tracked.
@@ -67,32 +70,36 @@ def run(
     judged = Judged(settings.dof, truth)
     counts = Counts()
     epochs = read_epochs(measurements_file, receivers, settings.sigma_m)
-    steps = track(name, settings, receivers, epochs, counts)
     begin_s = time.perf_counter()
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with (out / ESTIMATES_FILE).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows(_cells(steps, judged))
+        unfinished = out / f"{ESTIMATES_FILE}.part"
+        try:
+            with unfinished.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(COLUMNS)
+                writer.writerows(_cells(track(name, settings, receivers, epochs, counts), judged))
+            if not counts.epochs:
+                raise UsageError(
+                    f"{measurements_file}: no line has the positions of both its receivers in"
+                    f" {receivers_file} at its time; overlapping times would be right."
+                )
+            unfinished.replace(out / ESTIMATES_FILE)
+        finally:
+            unfinished.unlink(missing_ok=True)
+        summary = {
+            "filter": name,
+            "receivers": len(receivers.names),
+            "assumed": asdict(settings),
+            **judged.summary(counts, time.perf_counter() - begin_s),
+            "wrong": judged.wrong(receivers.names),
+        }
+        (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+        from swarmctl.recordings.pictures import write_pictures  # noqa: PLC0415 - loads matplotlib
+
+        write_pictures(judged.series(), receivers, settings.dof, out)
     except OSError as error:
         raise UsageError(f"--out {out} cannot be written: {error.strerror}.") from error
-    if not counts.epochs:
-        raise UsageError(
-            f"{measurements_file}: no line has the positions of both its receivers in"
-            f" {receivers_file} at its time; overlapping times would be right."
-        )
-    summary = {
-        "filter": name,
-        "receivers": len(receivers.names),
-        "assumed": asdict(settings),
-        **judged.summary(counts, time.perf_counter() - begin_s),
-        "wrong": judged.wrong(receivers.names),
-    }
-    (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    from swarmctl.recordings.pictures import write_pictures  # noqa: PLC0415 - loads matplotlib
-
-    write_pictures(judged.series(), receivers, settings.dof, out)
     return summary
 
 

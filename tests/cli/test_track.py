@@ -106,7 +106,10 @@ def test_a_feed_that_is_replayed_is_said_at_the_end_and_in_the_summary(room: Pat
     assert rows[-1].endswith("degraded,repeated")
 
 
-def test_a_bad_line_is_named_and_ends_it(room: Path) -> None:
+def test_a_bad_line_is_named_and_ends_it_and_costs_no_earlier_result(room: Path) -> None:
+    earlier = room / "out" / "estimates.csv"
+    earlier.parent.mkdir()
+    earlier.write_text("of an earlier run", encoding="utf-8")
     with (room / "measurements.csv").open("a", encoding="utf-8") as file:
         file.write("1.0,sw-low,nw-low,0.5\n")
     done = track(cwd=room)
@@ -114,6 +117,8 @@ def test_a_bad_line_is_named_and_ends_it(room: Path) -> None:
     assert done.stderr.strip() == (
         "measurements.csv, line 802: time_s is 1 after 3.995; lines sorted by time would be right."
     )
+    assert [path.name for path in earlier.parent.iterdir()] == [earlier.name]
+    assert earlier.read_text(encoding="utf-8") == "of an earlier run"
 
 
 def test_receivers_that_were_elsewhere_in_time_are_said(room: Path) -> None:

@@ -98,6 +98,28 @@ def test_one_receiver_that_is_always_set_aside_is_named() -> None:
     )
 
 
+def test_sigmas_may_be_almost_twice_too_large() -> None:
+    """Of a fast feed, whose window holds 900 innovations and would tell a tenth."""
+    health, rng = Health(), np.random.default_rng(5)
+    white = 0.55 * rng.standard_normal((3000, 3))
+    statuses = {health.add(0.01 * k, PAIRS, w, 0, ()).status for k, w in enumerate(white)}
+    assert statuses == {"initialising", "tracking"}
+
+
+def test_who_shares_rows_with_a_bad_receiver_is_not_named() -> None:
+    """Single rows of pairs in turn, those of receiver 3 always set aside."""
+    health = Health()
+    verdict = Verdict("initialising", None, 1.0, 0.0, 0.0)
+    for k in range(400):
+        pair = (k % 8, (k + 1) % 8)
+        if 3 in pair:
+            verdict = health.add(k / 100.0, (), np.zeros(0), 1, pair)
+        else:
+            verdict = health.add(k / 100.0, (pair,), np.ones(1) * (-1.0) ** (k // 8), 0, ())
+    assert (verdict.status, verdict.cause) == ("degraded", "rejected")
+    assert verdict.receivers == (3,)
+
+
 def test_a_track_that_is_elsewhere_has_diverged() -> None:
     health = Health()
     run(health, 10.0, good(6))

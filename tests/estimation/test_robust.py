@@ -63,6 +63,18 @@ def test_a_pair_s_echoes_are_off_its_straight_line() -> None:
     assert consensus(t, rd, 0.5).tolist() == [True, False, True, True, False, True]
 
 
+def test_of_a_row_by_itself_either_receiver_may_be_wrong() -> None:
+    alone = rows().where(np.array([False, True, False, False]))
+    assert screen(np.array([9.0]), np.eye(1), alone).aside == (2, 7)
+
+
+def test_samples_of_a_coarse_clock_share_their_times() -> None:
+    t = np.array([0.0, 0.0, 0.1, 0.1, 0.2, 0.2])
+    rd = 4.0 + t + [0.01, -0.02, 70.0, 0.02, 0.0, -0.01]
+    assert consensus(t, rd, 0.1).tolist() == [True, True, False, True, True, True]
+    assert consensus(np.zeros(5), rd[:5], 0.1).all()
+
+
 def test_noise_larger_than_it_is_said_to_be_is_kept() -> None:
     rng = np.random.default_rng(2)
     t = 0.02 * np.arange(50)

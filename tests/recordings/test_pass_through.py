@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import binom, chi2, norm
 
-from sim.room import COLOUR_M, SIGMA_M, TAU_S
+from sim.room import COLOUR_M, SIGMA_M, TAU_S, record, write
 from swarmctl.errors import UsageError
 from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.consistency import nees
@@ -94,6 +94,31 @@ def test_who_takes_the_errors_for_white_believes_too_much() -> None:
     assert mean_nees > chi2.ppf(0.999, 3 * 8) / 8
 
 
+def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path: Path) -> None:
+    """Errors by direction, counted among the correlated ones, and one receiver 1.5 m too far.
+
+    Before that, 6 s have some 6 independent errors, mostly of the height.
+    """
+    bias_m, blocked = 0.2, 5
+    write(record(1, 9.0, bias_m=bias_m, blocked=(blocked, 6.0, 9.0)), tmp_path)
+    told = Settings(colour_m=math.hypot(COLOUR_M, bias_m))
+    receivers = read_receivers(tmp_path / "receivers.csv")
+    epochs = read_epochs(tmp_path / "measurements.csv", receivers, told.sigma_m)
+    judged, counts, named = Judged(3, read_truth(tmp_path / "truth.csv")), Counts(), []
+    for step in track("tracker", told, receivers, epochs, counts):
+        named.append((step.epoch_s, step.verdict.receivers))
+        if step.epoch_s < 6.0:
+            judged.add(step)
+    series = judged.series()
+    claimed, rmse = (np.sqrt(np.mean(x**2)) for x in (series.sigma, series.error))
+    assert rmse < claimed * math.sqrt(chi2.ppf(0.999, 6) / 6)
+    assert series.nees.mean() < chi2.ppf(0.999, 3 * 6) / 6
+    assert counts.restarts == 0
+    assert {who for t, who in named if t < 6.0} == {()}
+    assert named[-1][1] == (blocked,)
+    assert {who for t, who in named} == {(), (blocked,)}
+
+
 # --- Outliers and what is worse, in the same room ------------------------------------------
 
 RING = [(j, (j + 1) % 8) for j in range(8)]
@@ -146,14 +171,17 @@ def test_a_recording_that_lies_is_called_so_in_words() -> None:
     """From the middle on one receiver's rows are those of another, or the last ones again."""
     receivers, epochs = ring(1, [np.array([3.0, 4.0, 1.0])] * 200, 0.0)
     assumed = Settings(rho=0.0, colour_m=0.0)
-    for lie, cause, says in (
-        (hung, "repeated", "The same values come again and again"),
-        (swapped, "correlated", "check the receivers' ids"),
+    for lie, cause, says, of in (
+        (hung, "repeated", "The same values come again and again", ()),
+        (swapped, "rejected", "of the measurements contradict the track, mostly those", (0, 5)),
     ):
         told = [lie(epochs[100], epoch) if k > 100 else epoch for k, epoch in enumerate(epochs)]
         judged, counts = Judged(3, None), Counts()
+        verdicts = []
         for step in track("tracker", assumed, receivers, told, counts):
             judged.add(step)
+            verdicts.append(step.verdict)
+        assert next(v.receivers for v in verdicts if v.cause == cause) == of
         (wrong,) = (w for w in judged.wrong(receivers.names) if w["cause"] == cause)
         assert says in str(wrong["sentence"])
         first_s = wrong["first_s"]
@@ -176,6 +204,62 @@ def swapped(before: Epoch, epoch: Epoch) -> Epoch:
             for m in epoch.measurements
         ),
     )
+
+
+def test_one_time_may_bear_rows_of_several_signals() -> None:
+    """Of a coarse clock: pairs that close a loop, each row with a noise of its own."""
+    rng = np.random.default_rng(3)
+    receivers = read_receivers(ROOM / "receivers.csv")
+    at = np.stack([path.positions[0] for path in receivers.paths])
+    true = np.array([3.0, 4.0, 1.0])
+    distance = np.linalg.norm(true - at, axis=1)
+    epochs = []
+    for k in range(200):
+        some = rng.permutation(8)[:4]
+        pairs = [(some[0], some[1]), (some[1], some[2]), (some[2], some[0]), (some[1], some[0])]
+        pairs.append((some[2], some[3]))
+        noise = SIGMA_M * rng.standard_normal(5)
+        rows = [
+            Measurement(int(i), int(j), float(distance[j] - distance[i] + e), SIGMA_M)
+            for (i, j), e in zip(pairs, noise, strict=True)
+        ]
+        epochs.append(Epoch(0.05 * k, tuple(rows)))
+    counts = Counts()
+    steps = list(track("tracker", Settings(colour_m=0.0), receivers, epochs, counts))
+    assert len(steps) == 200
+    assert {step.verdict.status for step in steps} == {"initialising", "tracking"}
+    # Beyond three sigmas by chance: 1000 rows, 999 of 1000 seeds.
+    assert counts.used + counts.aside == 1000
+    assert counts.aside <= binom.ppf(0.999, 1000, 2.0 * norm.sf(3.0))
+    # The mean square of some 900 whitened innovations of the last steps' three seconds.
+    assert steps[-1].verdict.nis < chi2.ppf(0.999, 300) / 300
+    end = steps[-1]
+    assert end.x is not None
+    assert nees(end.x[:3] - true, end.P[:3, :3]) < chi2.ppf(0.999, 3)
+
+
+def test_all_differences_of_one_signal_tell_no_more_than_its_arrivals() -> None:
+    """Every pair, of which all but a star are redundant: as sure as the star alone."""
+    rng = np.random.default_rng(4)
+    receivers = read_receivers(ROOM / "receivers.csv")
+    at = np.stack([path.positions[0] for path in receivers.paths])
+    distance = np.linalg.norm(np.array([3.0, 4.0, 1.0]) - at, axis=1)
+    every, star = [], []
+    for k in range(40):
+        arrival = distance + SIGMA_M / math.sqrt(2.0) * rng.standard_normal(8)
+        rows = [
+            Measurement(i, j, float(arrival[j] - arrival[i]), SIGMA_M)
+            for i in range(8)
+            for j in range(i + 1, 8)
+        ]
+        every.append(Epoch(0.05 * k, tuple(rows)))
+        star.append(Epoch(0.05 * k, tuple(rows[:7])))
+    sigmas = []
+    for epochs in (every, star):
+        assumed = Settings(colour_m=0.0)
+        (*_, end) = track("tracker", assumed, receivers, epochs, Counts())
+        sigmas.append(math.sqrt(float(np.trace(end.P[:3, :3]))))
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.02)
 
 
 # --- Receivers that move -----------------------------------------------------------------
