@@ -239,23 +239,19 @@ def update(
             expected, H = linearise(found, rows, places, layout, lag_s)
             nu = rows.rd - expected - np.matvec(H, x - found)
         HP = H @ P
-        S = HP @ H.mT.copy() + rows.covariance
         try:
-            gain = np.linalg.solve(S, HP).mT
+            root = np.linalg.cholesky(HP @ H.mT.copy() + rows.covariance)
         except np.linalg.LinAlgError:
             raise EstimationError("The update is singular: a covariance is not one.") from None
-        proposed = x + np.matvec(gain, nu)
+        whitened = np.linalg.solve(root, np.concatenate([HP, nu[..., None]], axis=-1))
+        gain, white = whitened[..., :-1], whitened[..., -1]  # both in whitened RDs
+        proposed = x + np.vecmat(white, gain)
         step = np.abs(proposed - found)
         found = proposed
         if (step <= settled).all():
             break
-    narrowed = P - gain @ HP
+    narrowed = P - gain.mT @ gain
     if not np.isfinite(found.sum() + narrowed.sum()):
         raise EstimationError("The update has no finite result: its numbers exceed float64.")
-    try:
-        root = np.linalg.cholesky(S)
-    except np.linalg.LinAlgError:
-        raise EstimationError("The update is singular: a covariance is not one.") from None
-    white = np.linalg.solve(root, nu[..., None])[..., 0]
     likelihood = -0.5 * np.vecdot(white, white) - np.log(np.linalg.diagonal(root)).sum(-1)
-    return Posterior(found, 0.5 * (narrowed + narrowed.mT), likelihood)
+    return Posterior(found, narrowed, likelihood)

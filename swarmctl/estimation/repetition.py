@@ -113,7 +113,7 @@ class Repetition:
         copies: Mask = held & self._tells_copies(self._together)
         for k, pair in enumerate(pairs):
             tally = self._held.setdefault(pair, _Tally(self._window_s))
-            tally.add(rows.epoch_s, held[k], bound[k])
+            tally.add(rows.epoch_s, float(held[k]), float(bound[k]))
             copies[k] |= held[k] and self._tells_copies(tally)
         expected, replayed = self._recall(pairs, rows.rd)
         self._replayed.add(rows.epoch_s, replayed, expected * float(np.prod(bound)))
