@@ -272,7 +272,7 @@ def _parts(rows: Rows, rho: float) -> Iterator[Rows]:
 def _is_one_signal(rows: Rows, rho: float) -> bool:
     """Whether an epoch's RDs can be the differences of one set of arrivals.
 
-    Then those along a loop of pairs (ab, bc, ca; or ab twice) add up to nothing but what is each
+    Then those along a loop of pairs (ab, bc, ca) add up to nothing but what is each
     row's own. Loops that do not close are of signals one after the other, in a recording whose
     clock is coarser than their distance.
     """

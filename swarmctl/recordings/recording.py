@@ -143,11 +143,13 @@ def read_epochs(path: Path, receivers: Receivers, sigma_m: float) -> Iterator[Ep
 
     Raises:
         UsageError: As :func:`~swarmctl.recordings.tables.lines`; or times decrease, a receiver
-            is unknown or paired with itself, or a number is none.
+            is unknown or paired with itself, a pair is there twice in an epoch, or a number is
+            none.
     """
     ids = {name: k for k, name in enumerate(receivers.names)}
     now_s = -math.inf
     gathered: list[Measurement] = []
+    pairs: dict[frozenset[int], int] = {}
     for line in lines(path, ("time_s", "receiver_i", "receiver_j", "rd_m"), ("sigma_m",)):
         time_s = line.number_in("time_s", largest=_LATEST_S)
         if time_s < now_s:
@@ -157,8 +159,17 @@ def read_epochs(path: Path, receivers: Receivers, sigma_m: float) -> Iterator[Ep
         if time_s > now_s:
             if gathered:
                 yield Epoch(now_s, tuple(gathered))
-            now_s, gathered = time_s, []
-        gathered.append(_measurement(line, ids, sigma_m))
+            now_s, gathered, pairs = time_s, [], {}
+        measurement = _measurement(line, ids, sigma_m)
+        pair = frozenset((measurement.first, measurement.second))
+        if pair in pairs:
+            raise line.wrong(
+                f"the pair of receivers {line.cells['receiver_i']!r} and"
+                f" {line.cells['receiver_j']!r} at time_s {time_s:.15g} is already in line"
+                f" {pairs[pair]}; a pair once per time would be right."
+            )
+        pairs[pair] = line.number
+        gathered.append(measurement)
     yield Epoch(now_s, tuple(gathered))
 
 

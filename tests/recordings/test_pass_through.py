@@ -215,13 +215,12 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
     distance = np.linalg.norm(true - at, axis=1)
     epochs = []
     for k in range(200):
-        some = rng.permutation(8)[:4]
-        pairs = [(some[0], some[1]), (some[1], some[2]), (some[2], some[0]), (some[1], some[0])]
-        pairs.append((some[2], some[3]))
+        a, b, c, e = rng.permutation(8)[:4]
+        pairs = [(a, b), (b, c), (c, a), (c, e), (e, a)]
         noise = SIGMA_M * rng.standard_normal(5)
         rows = [
-            Measurement(int(i), int(j), float(distance[j] - distance[i] + e), SIGMA_M)
-            for (i, j), e in zip(pairs, noise, strict=True)
+            Measurement(int(i), int(j), float(distance[j] - distance[i] + off), SIGMA_M)
+            for (i, j), off in zip(pairs, noise, strict=True)
         ]
         epochs.append(Epoch(0.05 * k, tuple(rows)))
     counts = Counts()
