@@ -3,14 +3,17 @@
 What a radio (UWB) system does to a range difference: white noise, multipath whose error is
 correlated over half a second, and gross outliers. A hard room adds what a filter is seldom told
 of: an error of each receiver that depends on the direction the signal comes from, and a receiver
-that somebody stands in front of. The files have the columns that
-``swarmctl track`` reads; ``python -m sim.room DIRECTORY`` writes the ones that the tests use.
+that somebody stands in front of. The files have the columns that ``swarmctl track`` reads;
+
+    python -m sim.room DIRECTORY [--seed 0] [--seconds 20] [--bias 0] [--blocked 5 6 10]
+
+writes them; without options, those that the tests use.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -146,5 +149,20 @@ def _file(header: str, rows: list[str]) -> str:
     return "\n".join([header, *rows]) + "\n"
 
 
+def main() -> None:
+    """Write a recording."""
+    parser = argparse.ArgumentParser(prog="python -m sim.room")
+    parser.add_argument("directory", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--bias", type=float, default=0.0, help="directional error, 1-sigma, m")
+    parser.add_argument(
+        "--blocked", type=float, nargs=3, metavar=("RECEIVER", "FROM", "UNTIL"), help="s"
+    )
+    asked = parser.parse_args()
+    blocked = (int(asked.blocked[0]), *asked.blocked[1:]) if asked.blocked else None
+    write(record(asked.seed, asked.seconds, bias_m=asked.bias, blocked=blocked), asked.directory)
+
+
 if __name__ == "__main__":
-    write(record(0, 20.0), Path(sys.argv[1]))
+    main()

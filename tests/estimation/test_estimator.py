@@ -182,7 +182,7 @@ def test_silence_makes_it_less_sure_by_its_velocity() -> None:
 def test_for_a_second_after_a_silence_the_window_is_solved_at_every_epoch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Else 8 of 480 tracks go wrong that hear again close to the emitter, and one so."""
+    """Else tracks with real clocks go wrong that hear again close to the emitter."""
     run = flight(np.random.default_rng(11), REAL, 10.0)
     track = tracked(run.rows[:51], run.emitter[0])
     solved: list[float] = []
