@@ -244,13 +244,13 @@ def update(
         except np.linalg.LinAlgError:
             raise EstimationError("The update is singular: a covariance is not one.") from None
         whitened = np.linalg.solve(root, np.concatenate([HP, nu[..., None]], axis=-1))
-        gain, white = whitened[..., :-1], whitened[..., -1]  # both in whitened RDs
-        proposed = x + np.vecmat(white, gain)
+        whitened_HP, white = whitened[..., :-1], whitened[..., -1]
+        proposed = x + np.vecmat(white, whitened_HP)
         step = np.abs(proposed - found)
         found = proposed
         if (step <= settled).all():
             break
-    narrowed = P - gain.mT @ gain
+    narrowed = P - whitened_HP.mT @ whitened_HP
     if not np.isfinite(found.sum() + narrowed.sum()):
         raise EstimationError("The update has no finite result: its numbers exceed float64.")
     likelihood = -0.5 * np.vecdot(white, white) - np.log(np.linalg.diagonal(root)).sum(-1)

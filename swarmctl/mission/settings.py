@@ -135,7 +135,7 @@ class Settings:
                 f"{'; '.join(settable)}. Set these on the vehicles, or let swarmctl set them for"
                 " the flight with --set-failsafes or, in the mission, swarm.set_failsafes: true"
             )
-        return ". ".join(said) or None
+        return "; also, ".join(said) or None
 
     def warnings(self) -> list[str]:
         """What else the operator should know of how the vehicles are set, once all is read."""
