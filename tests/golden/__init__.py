@@ -1,0 +1,1 @@
+"""Golden flights: recorded once, flown again by the suite, compared exactly."""
