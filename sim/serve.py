@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 
 import aiomqtt
 
-from sim.broadcast import Publication
 from sim.config import SimConfig
 from sim.errors import SimError
-from sim.listening import Listening
+from sim.feed_publisher import Publication
+from sim.sitl_receivers import Listening
 from sim.world import World
 
 TURN_S = 0.002

@@ -6,15 +6,15 @@ import math
 from collections import deque
 
 from sim.autopilots import PERSONALITIES
-from sim.broadcast import Broadcast, Publication
+from sim.autopilots.onboard_state import Fitting
 from sim.clock import Clock
 from sim.config import SimConfig, VehicleConfig
 from sim.dynamics import Command, State, step
 from sim.emitter import EmitterState
 from sim.errors import SimError
-from sim.navigation import PositionError
+from sim.feed_publisher import Broadcast, Publication
+from sim.navigation_error import PositionError
 from sim.noise import GaussMarkov, Normals, generator
-from sim.onboard import Fitting
 from swarmctl.frames import LocalFrame, Vector
 
 STEP_HZ = 50

@@ -14,14 +14,13 @@ ALLOWED: dict[str, set[str]] = {
     "swarmctl.formation": {
         "swarmctl.errors",
         "swarmctl.estimation.bounds",
-        "swarmctl.estimation.motion",
-        "swarmctl.estimation.rd_model",
+        "swarmctl.estimation.model",
     },
     "swarmctl.mission": COMMON | {"swarmctl.estimation", "swarmctl.formation"},
     "swarmctl.link": COMMON,
     "swarmctl.feed": COMMON,
     "swarmctl.recorder": COMMON | {"swarmctl.estimation"},
-    "swarmctl.recordings": {"swarmctl.errors", "swarmctl.estimation"},
+    "swarmctl.datasets": {"swarmctl.errors", "swarmctl.estimation"},
     "swarmctl.ops": COMMON
     | {
         "swarmctl.estimation",
@@ -36,14 +35,15 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.formation",
         "swarmctl.mission",
         "swarmctl.ops",
-        "swarmctl.recordings",
-        "sim.study",
+        "swarmctl.datasets",
+        "swarmctl.study",
     },
-    "sim": {"swarmctl.frames", "swarmctl.feed.schema"},
-    "sim.study": {
+    "sim": {"swarmctl.errors", "swarmctl.frames", "swarmctl.feed.schema"},
+    "swarmctl.study": {
         "sim",
         "swarmctl.errors",
         "swarmctl.estimation",
+        "swarmctl.formation",
         "swarmctl.mission",
         "swarmctl.ops",
     },
@@ -55,14 +55,14 @@ PURE = ("swarmctl.estimation", "swarmctl.formation", "swarmctl.mission")
 IMPURE = {"asyncio", "socket", "time", "datetime", "random", "threading", "aiomqtt", "amqtt"}
 SOLE_IMPORTERS = {
     "pymavlink": {
-        "swarmctl/link/framing.py",
-        "swarmctl/link/decoding.py",
-        "swarmctl/link/encoding.py",
+        "swarmctl/link/codec/framing.py",
+        "swarmctl/link/codec/decoding.py",
+        "swarmctl/link/codec/encoding.py",
         "sim/mavlink.py",
     },
     "aiomqtt": {"swarmctl/feed/client.py", "sim/serve.py"},
     "amqtt": {"swarmctl/feed/broker.py"},
-    "mavsdk": {"swarmctl/link/mavsdk_backend.py"},
+    "mavsdk": {"swarmctl/link/mavsdk_link.py"},
 }
 
 

@@ -4,8 +4,8 @@ from math import pi
 
 import numpy as np
 
-from sim.study.registry import register_filter, register_formation
-from swarmctl.estimation.filters import Belief, Prior, Scan, Track, iterated_ekf, ncrkf
+from swarmctl.study.filters import Belief, Prior, Scan, Track, iterated_ekf, ncrkf
+from swarmctl.study.registry import register_filter, register_formation
 
 # The same filter in other coordinates: which are best?
 register_filter("NCRKF, relative", lambda q: ncrkf(state="relative", process_noise=q))

@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from sim import setpoints, telemetry
-from sim.autopilots import ardupilot_fence
+from sim.autopilots import ardupilot_fence, setpoints, telemetry
 from sim.autopilots.ardupilot_fence import CIRCLE, GIVE_UP_M, MAX_ALT, POLYGON, FenceWatch
 from sim.autopilots.ardupilot_modes import (
     AUTO,
@@ -27,8 +26,8 @@ from sim.autopilots.ardupilot_modes import (
 )
 from sim.autopilots.ardupilot_parameters import parameters
 from sim.autopilots.autopilot import Autopilot, Request
-from sim.fence import Fence
-from sim.guidance import (
+from sim.autopilots.flight_modes import FlightMode
+from sim.autopilots.flight_tasks import (
     Descend,
     FlyAcceleration,
     FlyTo,
@@ -36,13 +35,13 @@ from sim.guidance import (
     TakeOff,
     Task,
 )
-from sim.manners import CAPABILITIES, Manners, Timeline
+from sim.autopilots.geofence import Fence
+from sim.autopilots.mission_flight import FlyLegs, Pace
+from sim.autopilots.mission_protocol import TransferManners
+from sim.autopilots.onboard_state import CAPACITY_MAH, Fitting, Onboard
+from sim.autopilots.telemetry import home_position
+from sim.autopilots.traits import CAPABILITIES, Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
-from sim.modes import FlightMode
-from sim.onboard import CAPACITY_MAH, Fitting, Onboard
-from sim.plans import TransferManners
-from sim.route import FlyLegs, Pace
-from sim.telemetry import home_position
 from swarmctl.frames import Vector
 
 SPOOL_UP_S = 3.35

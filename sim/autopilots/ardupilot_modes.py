@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from sim.guidance import Descend, ReturnClimb
+from sim.autopilots.flight_modes import FlightMode, hold, sinking
+from sim.autopilots.flight_tasks import Descend, ReturnClimb
+from sim.autopilots.parameters import Parameters
 from sim.mavlink import dialect
-from sim.modes import FlightMode, hold, sinking
-from sim.parameters import Parameters
 
 SINK_MPS = 2.5
 

@@ -7,7 +7,7 @@ and still centimetres. Releases before have SYSID_THISMAV, 4.7.0 itself metres a
 
 from __future__ import annotations
 
-from sim.parameters import INT32, REAL32, Parameter, Parameters, table
+from sim.autopilots.parameters import INT32, REAL32, Parameter, Parameters, table
 
 _SINGLE = """
 MAV_GCS_SYSID i 255; MAV_OPTIONS i 0; MAV_TELEM_DELAY i 0

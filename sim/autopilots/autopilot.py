@@ -14,6 +14,13 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
 from sim.autopilots.flight import Flight
+from sim.autopilots.flight_modes import FlightMode
+from sim.autopilots.message_intervals import Streams
+from sim.autopilots.mission_flight import FlyLegs
+from sim.autopilots.mission_protocol import MISSION
+from sim.autopilots.onboard_state import Fitting, Onboard
+from sim.autopilots.parameters import Parameters, ParameterServer
+from sim.autopilots.telemetry import autopilot_version
 from sim.dynamics import Command, State
 from sim.errors import SimError
 from sim.mavlink import (
@@ -24,13 +31,6 @@ from sim.mavlink import (
     Message,
     dialect,
 )
-from sim.modes import FlightMode
-from sim.onboard import Fitting, Onboard
-from sim.parameters import Parameters, ParameterServer
-from sim.plans import MISSION
-from sim.route import FlyLegs
-from sim.streams import Streams
-from sim.telemetry import autopilot_version
 
 FORCE = 21196.0
 """``param2`` that disarms in the air."""

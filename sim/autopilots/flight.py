@@ -11,17 +11,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from sim import setpoints
+from sim.autopilots import setpoints
+from sim.autopilots.flight_modes import FlightMode
+from sim.autopilots.flight_tasks import Task
+from sim.autopilots.geofence import Fence
+from sim.autopilots.mission_flight import FlyLegs, Pace, legs_of
+from sim.autopilots.mission_protocol import FENCE, MISSION, Plans, TransferManners, fence_shapes
+from sim.autopilots.onboard_state import Onboard
+from sim.autopilots.telemetry import mission_current
+from sim.autopilots.traits import Manners
 from sim.dynamics import Command, State
-from sim.fence import Fence
-from sim.guidance import Task
-from sim.manners import Manners
 from sim.mavlink import ACCEPTED, Codec, Message, dialect
-from sim.modes import FlightMode
-from sim.onboard import Onboard
-from sim.plans import FENCE, MISSION, Plans, TransferManners, fence_shapes
-from sim.route import FlyLegs, Pace, legs_of
-from sim.telemetry import mission_current
 from swarmctl.frames import Vector
 
 

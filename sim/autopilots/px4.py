@@ -6,9 +6,14 @@ import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from sim import telemetry
-from sim.autopilots import px4_setpoints
+from sim.autopilots import px4_setpoints, telemetry
 from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.flight_modes import FlightMode
+from sim.autopilots.flight_tasks import FlyAxes, Hold, TakeOff, Task
+from sim.autopilots.geofence import Fence
+from sim.autopilots.mission_flight import FlyLegs, Pace
+from sim.autopilots.mission_protocol import TransferManners
+from sim.autopilots.onboard_state import Fitting, Onboard
 from sim.autopilots.px4_modes import (
     AUTO,
     DATALINK_LOSS_ACTIONS,
@@ -27,14 +32,8 @@ from sim.autopilots.px4_modes import (
     landing,
 )
 from sim.autopilots.px4_parameters import parameters
-from sim.fence import Fence
-from sim.guidance import FlyAxes, Hold, TakeOff, Task
-from sim.manners import CAPABILITIES, Manners, Timeline
+from sim.autopilots.traits import CAPABILITIES, Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Message, dialect
-from sim.modes import FlightMode
-from sim.onboard import Fitting, Onboard
-from sim.plans import TransferManners
-from sim.route import FlyLegs, Pace
 
 OFFBOARD_ENTRY_S = 0.5
 """A stream slower than 2 Hz does not open OFFBOARD."""

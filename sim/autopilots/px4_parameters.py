@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim.parameters import INT32, Parameter, Parameters, table
+from sim.autopilots.parameters import INT32, Parameter, Parameters, table
 
 _SINGLE = """
 SYS_AUTOSTART i 10016; SYS_AUTOCONFIG i 0; SYS_HITL i 0; SYS_HAS_GPS i 1; SYS_HAS_MAG i 1

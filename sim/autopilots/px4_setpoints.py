@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sim.guidance import FlyAcceleration, FlyAxes, Task
+from sim.autopilots.flight_tasks import FlyAcceleration, FlyAxes, Task
+from sim.autopilots.setpoints import SANE_SPEED_MPS, turned
 from sim.mavlink import Message, dialect
-from sim.setpoints import SANE_SPEED_MPS, turned
 from swarmctl.frames import LocalFrame, Vector
 
 SANE_DISTANCE_M = 1e6

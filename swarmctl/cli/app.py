@@ -20,8 +20,8 @@ from swarmctl.cli.design import design
 from swarmctl.cli.missions import find_mission
 from swarmctl.cli.track import track
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.mission.loading import load_mission
-from swarmctl.ops import outcome
+from swarmctl.mission.mission_file_loading import load_mission
+from swarmctl.ops import exit_codes as outcome
 
 app = typer.Typer(
     name="swarmctl",

@@ -80,10 +80,10 @@ def design(
         rate_hz=rate_hz,
     )
     if plot is not None:
-        from swarmctl.formation import pictures  # noqa: PLC0415 - loads matplotlib
+        from swarmctl.study import design_plot  # noqa: PLC0415 - loads matplotlib
 
         try:
-            pictures.write_design(found, requirements, plot)
+            design_plot.write_design(found, requirements, plot)
         except (OSError, ValueError) as error:
             raise UsageError(f"--plot {plot} cannot be written: {error}.") from error
     if as_json:

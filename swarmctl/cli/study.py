@@ -18,7 +18,7 @@ from swarmctl.errors import UsageError
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from sim.study.information import InformationStudy
+    from swarmctl.study.appendix_b import InformationStudy
 
 app = typer.Typer(help="Monte Carlo studies: the paper's simulation, consistency, information.")
 
@@ -41,7 +41,7 @@ FILTER_RUNS = 500
 TRACKER_RUNS = 40
 """Of a case of the live tracker, which costs half a second a run."""
 HEALTH = "health"
-"""The name of the case that flies :mod:`~sim.study.health`."""
+"""The name of the case that flies :mod:`~swarmctl.study.track_health`."""
 
 
 @app.command()
@@ -58,8 +58,9 @@ def table1(
     files: WithOption = None,
 ) -> None:
     """Reproduce the paper's Table 1: Figs. 2-9, with the Cramér-Rao bound and the NEES."""
-    from sim.study import figures, registry  # noqa: PLC0415 - loads scipy and matplotlib
-    from sim.study import table1 as study  # noqa: PLC0415
+    from swarmctl.study import plots as figures  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study import registry  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study import table1 as study  # noqa: PLC0415
 
     registry.load(files or [])
     _make(out)
@@ -105,8 +106,11 @@ def consistency(
     The filters in white noise; with --tracker the live tracker with clocks, navigation errors,
     echoes, manoeuvres, gaps and faults, and the filters beside it.
     """
-    from sim.study import consistency as study  # noqa: PLC0415 - loads scipy
-    from sim.study import health, jsonable, registry, tracker, tracker_cases  # noqa: PLC0415
+    from swarmctl.study import consistency as study  # noqa: PLC0415 - loads scipy
+    from swarmctl.study import jsonable, registry  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study import track_cases as tracker_cases  # noqa: PLC0415
+    from swarmctl.study import track_consistency as tracker  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study import track_health as health  # noqa: PLC0415 - loads scipy and matplotlib
 
     known = (*study.CASES, *tracker_cases.CASES, HEALTH)
     names = case or (() if with_tracker else tuple(study.CASES))
@@ -172,8 +176,12 @@ def information(
     files: WithOption = None,
 ) -> None:
     """Appendix B: does the NCRKF's information converge to the OKF's, and what is it worth?"""
-    from sim.study import figures, jsonable, registry  # noqa: PLC0415 - loads matplotlib
-    from sim.study import information as study  # noqa: PLC0415
+    from swarmctl.study import appendix_b as study  # noqa: PLC0415
+    from swarmctl.study import (  # noqa: PLC0415 - loads scipy and matplotlib
+        jsonable,
+        registry,
+    )
+    from swarmctl.study import plots as figures  # noqa: PLC0415 - loads scipy and matplotlib
 
     registry.load(files or [])
     _make(out)
@@ -229,8 +237,11 @@ def formation(
 
     Which formation finds the emitter soonest? Does the swarm keep every limit while it changes?
     """
-    from sim.study import formation as study  # noqa: PLC0415 - loads the simulator
-    from sim.study import jsonable, transitions  # noqa: PLC0415
+    from swarmctl.study import formation as study  # noqa: PLC0415 - loads the simulator
+    from swarmctl.study import (  # noqa: PLC0415 - loads scipy and matplotlib
+        jsonable,
+        transitions,
+    )
 
     flown = None
     if count:
@@ -293,7 +304,7 @@ def _flying(
     workers: int, executor: str | None, files: list[Path] | None
 ) -> Iterator[tuple[Executor | None, Callable[[int, int], None]]]:
     """An executor, and a progress bar on standard error."""
-    from sim.study.executors import executing  # noqa: PLC0415 - loads the simulator
+    from swarmctl.study.executors import executing  # noqa: PLC0415 - loads the simulator
 
     bar = Progress(
         TextColumn("runs"),

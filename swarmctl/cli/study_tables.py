@@ -9,8 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from sim.study import consistency, health, tracker
-    from sim.study.tally import Figure
+    from swarmctl.study import consistency
+    from swarmctl.study import track_consistency as tracker
+    from swarmctl.study import track_health as health
+    from swarmctl.study.tally import Figure
 
 
 def print_case(title: str, rows: list[consistency.Row]) -> None:

@@ -88,8 +88,8 @@ def track(
     ] = None,
 ) -> None:
     """Track the emitter of a recording of any TDOA system: radio, UWB, acoustic."""
-    from swarmctl.recordings.pass_through import Settings  # noqa: PLC0415 - loads numpy
-    from swarmctl.recordings.run import run  # noqa: PLC0415
+    from swarmctl.datasets.run import run  # noqa: PLC0415
+    from swarmctl.datasets.tracking import Settings  # noqa: PLC0415 - loads numpy
 
     settings = Settings(
         sigma_m=sigma,

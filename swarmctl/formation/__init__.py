@@ -6,7 +6,6 @@ line of sight (LOS), counter-clockwise; LOS angle lambda from East.
 ==================  =========================================================================
 ``requirements``    what a formation has to satisfy, and the noise it is to overcome
 ``information``     the Fisher information of range differences on the emitter's position
-``paper_index``     the paper's L_p, exact and in its approximations
 ``objectives``      what a design is judged by, in metres
 ``designs``         designs by name
 ``optimal``         numerical refinement

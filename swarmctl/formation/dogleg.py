@@ -5,7 +5,7 @@ falls. Flying across the line of sight (LOS) turns it, which triangulates the ra
 from the velocity, but comes no nearer. Which of the two is worth more depends on how well the
 formation sees the range by itself, on what is known already and on how soon it is to be known.
 
-So both are predicted: the posterior Cramer-Rao bound (:mod:`swarmctl.estimation.bounds`)
+So both are predicted: the posterior Cramer-Rao bound (:mod:`swarmctl.estimation.bounds.pcrb`)
 
     P <- F P F^T + Q,        P <- (P^-1 + dt f H^T C^-1 H)^-1
 
@@ -36,8 +36,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
-from swarmctl.estimation.motion import process_noise, transition
-from swarmctl.estimation.rd_model import jacobian
+from swarmctl.estimation.model.motion import process_noise, transition
+from swarmctl.estimation.model.range_difference import jacobian
 from swarmctl.formation.information import Array, noise_covariance
 from swarmctl.formation.requirements import Noise
 

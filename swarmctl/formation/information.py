@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
-from swarmctl.estimation.rd_model import effective_covariance, jacobian, rd_covariance
+from swarmctl.estimation.model.range_difference import effective_covariance, jacobian, rd_covariance
 from swarmctl.formation.requirements import Noise
 
 Array = NDArray[np.floating]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarmctl.errors import FormationError
-from swarmctl.estimation.motion import transition
-from swarmctl.estimation.rd_model import jacobian
+from swarmctl.estimation.model.motion import transition
+from swarmctl.estimation.model.range_difference import jacobian
 from swarmctl.formation.information import Array, fisher, noise_covariance, slots_in_los_frame
 from swarmctl.formation.requirements import Requirements
 
@@ -165,7 +165,7 @@ def track(requirements: Requirements, trajectory: Trajectory) -> Objective:
         J = Phi_0^T P0^-1 Phi_0 + sum_k w_k (H_k Phi_k)^T C^-1 (H_k Phi_k)
 
     and the objective is sqrt(tr of J^-1's position block). The design turns with the true line
-    of sight of each epoch. The same as :func:`swarmctl.estimation.bounds.pcrb`, for any number
+    of sight of each epoch. The same as :func:`swarmctl.estimation.bounds.pcrb.pcrb`, for any number
     of designs at once.
 
     Args:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from swarmctl.link.encoding import Encoder
-from swarmctl.link.facts import Address
+from swarmctl.link.codec.encoding import Encoder
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing
 
 SILENT_LINK_S = 10.0

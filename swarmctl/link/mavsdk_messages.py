@@ -14,8 +14,8 @@ from typing import Any
 import msgspec
 
 from swarmctl.events import GoTo
-from swarmctl.link import decoding
-from swarmctl.link.facts import (
+from swarmctl.link.codec import decoding
+from swarmctl.link.codec.messages import (
     AUTOPILOT_COMPONENT,
     CommandLong,
     DataStream,
@@ -45,7 +45,7 @@ def read(name: str, fields: str, sysid: int, received_s: float) -> Fact | Fault 
         received_s: Monotonic time of arrival, s.
 
     Returns:
-        As :func:`swarmctl.link.decoding.read`.
+        As :func:`swarmctl.link.codec.decoding.read`.
     """
     try:
         values = msgspec.json.decode(fields, type=dict[str, Any])

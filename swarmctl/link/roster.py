@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from swarmctl.events import RequestVersion
-from swarmctl.link import decoding
 from swarmctl.link.channels import Channels
-from swarmctl.link.clock import BootClock
-from swarmctl.link.encoding import Encoder
-from swarmctl.link.facts import Address, Frame, MessageId
+from swarmctl.link.codec import decoding
+from swarmctl.link.codec.encoding import Encoder
+from swarmctl.link.codec.messages import Address, Frame, MessageId
 from swarmctl.link.vehicle import SILENT_S, Vehicle
+from swarmctl.link.vehicle_clock import BootClock
 
 
 class AddressedVehicle(Vehicle):

@@ -1,10 +1,10 @@
 """MAVLink 2 message signing: whose frames are believed (no I/O).
 
-https://mavlink.io/en/guide/message_signing.html. The signature is the first 48 bits of the
-SHA-256 of the key, the frame, the link id and the timestamp, which counts 10 us since
-2015-01-01 UTC. :mod:`swarmctl.link.encoding` writes our own signatures by pymavlink. Received ones
-are checked here and not by pymavlink, which remembers the timestamp of a frame before it has
-checked the signature: one forged frame from the far future would silence its vehicle.
+https://mavlink.io/en/guide/message_signing.html. The signature is the first 48 bits of the SHA-256
+of the key, the frame, the link id and the timestamp, which counts 10 us since 2015-01-01 UTC.
+:mod:`swarmctl.link.codec.encoding` writes our own signatures by pymavlink. Received ones are
+checked here and not by pymavlink, which remembers the timestamp of a frame before it has checked
+the signature: one forged frame from the far future would silence its vehicle.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 
-from swarmctl.link.facts import Fault, Frame
+from swarmctl.link.codec.messages import Fault, Frame
 
 UNITS_PER_S = 100_000
 """A timestamp counts units of 10 us."""

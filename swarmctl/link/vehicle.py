@@ -23,9 +23,7 @@ from swarmctl.events import (
     VehicleVersion,
 )
 from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
-from swarmctl.link.clock import BootClock, RoundTrips
-from swarmctl.link.exchange import Attempt, Exchange
-from swarmctl.link.facts import (
+from swarmctl.link.codec.messages import (
     CommandAck,
     DataStream,
     Fact,
@@ -37,9 +35,11 @@ from swarmctl.link.facts import (
     PositionFact,
     TimeSyncAnswer,
 )
-from swarmctl.link.fence import FenceExchange
-from swarmctl.link.parameters import ParameterExchange, ReadPacket, SetPacket
-from swarmctl.link.statistics import LinkStatistics
+from swarmctl.link.command_protocol import Attempt, Exchange
+from swarmctl.link.fence_upload import FenceExchange
+from swarmctl.link.link_quality import LinkStatistics
+from swarmctl.link.parameter_protocol import ParameterExchange, ReadPacket, SetPacket
+from swarmctl.link.vehicle_clock import BootClock, RoundTrips
 
 SILENT_S = 2.0
 """A vehicle that was not heard for so long may be another one when it is heard again."""

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from swarmctl.estimation.health import sentence
+from swarmctl.estimation.integrity.health import sentence
 from swarmctl.events import (
     ArrivalTime,
     Command,
@@ -38,19 +38,19 @@ from swarmctl.events import (
     VehicleObservation,
     VehiclePosition,
 )
-from swarmctl.mission.commanding import setpoints, slots_flown
 from swarmctl.mission.custody import Custody
+from swarmctl.mission.emitter_tracking import Observer
+from swarmctl.mission.estimate_trust import Reliance, Trust
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.launch import Landing, Launch
+from swarmctl.mission.loss_detection import Failure, Watch
 from swarmctl.mission.membership import Membership
-from swarmctl.mission.model import Mission
-from swarmctl.mission.observer import Observer
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase, Trigger, can, next_phase
 from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.preflight import Preflight
+from swarmctl.mission.setpoints import setpoints, slots_flown
 from swarmctl.mission.target import Target
-from swarmctl.mission.trust import Reliance, Trust
-from swarmctl.mission.watch import Failure, Watch
 
 PERIOD_S = 0.1
 """Control period, s."""

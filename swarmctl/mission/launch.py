@@ -15,7 +15,7 @@ from swarmctl.events import (
     VehiclePosition,
 )
 from swarmctl.mission.fleet import VehicleState
-from swarmctl.mission.watch import Failure, Watch
+from swarmctl.mission.loss_detection import Failure, Watch
 
 STAGGER_S = 2.0
 """One vehicle starts this long after the other."""

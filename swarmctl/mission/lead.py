@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from swarmctl.formation.dogleg import DogLegs, Situation, Terms, turned
 from swarmctl.formation.guidance import approach_and_orbit, orbit_speed, pace, wrap_angle
 from swarmctl.formation.requirements import Noise
-from swarmctl.mission.model import Mission
+from swarmctl.mission.formation_in_flight import HOLD_RAD, Shape
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import Phase
-from swarmctl.mission.shape import HOLD_RAD, Shape
 from swarmctl.mission.target import Target
 
 Array = NDArray[np.float64]

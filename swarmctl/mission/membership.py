@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.model import Mission
+from swarmctl.mission.loss_detection import Failure, Watch
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
 from swarmctl.mission.planner import Planner
 from swarmctl.mission.target import Target
-from swarmctl.mission.watch import Failure, Watch
 
 
 class Membership:

@@ -26,13 +26,13 @@ from swarmctl.formation.constraints import (
 )
 from swarmctl.formation.guidance import LineOfSight, go_to
 from swarmctl.formation.separation import Bound, least_distances, separate
-from swarmctl.mission.assumptions import expected_enu
+from swarmctl.mission.estimate_trust import Trust
+from swarmctl.mission.filter_settings import expected_enu
+from swarmctl.mission.formation_in_flight import Shape
 from swarmctl.mission.lead import FENCE_MARGIN_M, Lead
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
-from swarmctl.mission.shape import Shape
 from swarmctl.mission.target import Target
-from swarmctl.mission.trust import Trust
 
 Array = NDArray[np.float64]
 Vector2 = tuple[float, float]

@@ -16,11 +16,11 @@ from swarmctl.events import (
     UploadFence,
 )
 from swarmctl.formation.separation import least_distances
-from swarmctl.mission.assumptions import expected_enu
+from swarmctl.mission.failsafes.session import Settings
+from swarmctl.mission.filter_settings import expected_enu
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.model import Mission
-from swarmctl.mission.settings import Settings
-from swarmctl.mission.watch import Failure
+from swarmctl.mission.loss_detection import Failure
+from swarmctl.mission.mission_file import Mission
 
 POSITION_HZ = 10.0
 """Position reports asked of every vehicle, Hz."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from swarmctl.estimation.consistency import ellipse
-from swarmctl.estimation.health import Status, sentence
+from swarmctl.estimation.bounds.consistency import ellipse
+from swarmctl.estimation.integrity.health import Status, sentence
 from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
 

@@ -11,14 +11,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from sim.channel import Channel, Impairments
 from sim.noise import generator
+from sim.radio_channel import Channel, Impairments
 from sim.world import World
 from swarmctl.errors import SwarmError
 from swarmctl.events import Notice
-from swarmctl.link.facts import Address
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing, timestamp_at
-from swarmctl.mission.loading import load_mission
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing_key

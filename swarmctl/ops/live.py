@@ -18,18 +18,18 @@ from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
 from swarmctl.link.endpoints.url import parse_url
-from swarmctl.link.facts import Address
-from swarmctl.mission.loading import load_mission
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
 
 if TYPE_CHECKING:
-    from swarmctl.link.mavsdk_backend import MavsdkLink
+    from swarmctl.link.mavsdk_link import MavsdkLink
 
 HICCUP_S = 1.0
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
@@ -158,7 +158,7 @@ def mavsdk_link(mission: Mission, forward: Sequence[str], speedup: float) -> Mav
             " with swarm.backend: native."
         )
     try:
-        from swarmctl.link.mavsdk_backend import MavsdkLink  # noqa: PLC0415 - an optional extra
+        from swarmctl.link.mavsdk_link import MavsdkLink  # noqa: PLC0415 - an optional extra
     except (ImportError, OSError) as error:
         raise UsageError(
             f"swarm.backend is mavsdk, but MAVSDK 4 cannot be loaded ({error}): install"

@@ -6,13 +6,13 @@ from pathlib import Path
 from types import TracebackType
 
 from swarmctl.events import Record
-from swarmctl.mission.assumptions import (
+from swarmctl.mission.filter_settings import (
     emitter_prior,
     expected_enu,
     process_noise,
     receiver_errors,
 )
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import OBSERVING
 from swarmctl.ops.provenance import provenance
 from swarmctl.ops.station import Station

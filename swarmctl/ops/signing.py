@@ -8,9 +8,9 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 from swarmctl.errors import LinkError
-from swarmctl.link.key_file import STORE_EVERY_S, TimestampFile, read_key
 from swarmctl.link.signing import Signing, timestamp_at
-from swarmctl.mission.model import Mission
+from swarmctl.link.signing_key_file import STORE_EVERY_S, TimestampFile, read_key
+from swarmctl.mission.mission_file import Mission
 
 
 def signing_key(mission: Mission) -> bytes | None:

@@ -30,7 +30,7 @@ from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress
 from swarmctl.frames import sped_up_utc_s
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
-from swarmctl.mission.model import Mission, Simulation
+from swarmctl.mission.mission_file import Mission, Simulation
 from swarmctl.ops.signing import signing_key
 
 READY = "simulating"

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
-from swarmctl.estimation.consistency import ellipse
+from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.events import (
     EmitterTruth,
     Estimate,
@@ -33,12 +33,12 @@ from swarmctl.feed.schema import (
     receivers_truth_topic,
     truth_topic,
 )
-from swarmctl.link.backend import Backend
-from swarmctl.link.facts import Address
-from swarmctl.link.link import MavlinkLink
+from swarmctl.link.codec.messages import Address
+from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing
+from swarmctl.link.vehicle_link import Backend
 from swarmctl.mission.controller import Controller
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
 
 ESTIMATE_PERIOD_S = 0.5

@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.events import (
     ArrivalTime,
     Decision,
@@ -31,9 +31,9 @@ from swarmctl.events import (
     VehiclePosition,
 )
 from swarmctl.frames import LocalFrame, Vector
-from swarmctl.recorder.accuracy import Accuracy, Outcome
 from swarmctl.recorder.distances import Distances
-from swarmctl.recorder.series import Extremes, FlightSeries, Series
+from swarmctl.recorder.estimate_accuracy import Accuracy, Outcome
+from swarmctl.recorder.plot_series import Extremes, FlightSeries, Series
 from swarmctl.recorder.truth import MAX_EXTRAPOLATION_S, TruthTrack
 
 

@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from swarmctl.frames import Vector
-from swarmctl.recorder.series import FlightSeries, Series
+from swarmctl.recorder.plot_series import FlightSeries, Series
 from swarmctl.recorder.truth import TruthTrack
 
 AIRBORNE_M = 3.0

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse
 from numpy.typing import NDArray
 
-from swarmctl.estimation.consistency import ellipse
-from swarmctl.recorder.accuracy import CONVERGED_SIGMA_M
+from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.recorder.debrief import Debrief
-from swarmctl.recorder.panels import (
+from swarmctl.recorder.estimate_accuracy import CONVERGED_SIGMA_M
+from swarmctl.recorder.plot_panels import (
     ESTIMATE,
     FAINT,
     FOLLOWERS,
@@ -34,8 +34,8 @@ from swarmctl.recorder.panels import (
     timeline,
     vehicle_colours,
 )
+from swarmctl.recorder.plot_series import EXTREMES_INTERVAL_S, Series
 from swarmctl.recorder.receiver_plot import draw_receivers
-from swarmctl.recorder.series import EXTREMES_INTERVAL_S, Series
 
 MAP_FILE, ERROR_FILE, SLOTS_FILE, RANGES_FILE = "map.png", "error.png", "slots.png", "ranges.png"
 RECEIVERS_FILE = "receivers.png"

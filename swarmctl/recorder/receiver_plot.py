@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swarmctl.recorder.debrief import Debrief
-from swarmctl.recorder.panels import (
+from swarmctl.recorder.plot_panels import (
     FAINT,
     INK,
     dress,

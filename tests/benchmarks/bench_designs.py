@@ -13,11 +13,11 @@ import time
 
 import numpy as np
 
-from sim.study.starts import CV, table_1_covariance
 from swarmctl.formation.designs import DESIGNS
 from swarmctl.formation.objectives import Objective, approach, determinant, rms, track
 from swarmctl.formation.optimal import worst
 from swarmctl.formation.requirements import Requirements
+from swarmctl.study.starts import CV, table_1_covariance
 
 RANGE_M = 5000.0
 COMPANIONS = (3, 4, 8, 12)

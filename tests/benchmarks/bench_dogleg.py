@@ -18,12 +18,12 @@ import numpy as np
 import yaml
 from scipy import stats
 
-from sim.study.formation import CONVERGED_SIGMA_M, LOOK_EVERY_S, mission_text
 from swarmctl.formation import dogleg
 from swarmctl.formation.dogleg import DogLegs, Situation, Terms
 from swarmctl.formation.requirements import Noise
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.in_memory import fly_in_memory
+from swarmctl.study.formation import CONVERGED_SIGMA_M, LOOK_EVERY_S, mission_text
 
 CELLS = ((1, 5.0), (2, 5.0), (2, 25.0), (3, 5.0), (4, 5.0))
 """Companions, and the mission's goal.sigma_m."""

@@ -11,8 +11,8 @@ import os
 import time
 
 from swarmctl.events import GoTo
-from swarmctl.link.facts import Address
-from swarmctl.link.link import MavlinkLink
+from swarmctl.link.codec.messages import Address
+from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing, timestamp_at
 from tests.link.test_signing import KEY, Signer
 from tests.link.wire import Sender

@@ -12,18 +12,18 @@ import subprocess
 import sys
 import time
 
-from sim.study.campaign import Campaign, run
-from sim.study.registry import filters, formations
-from sim.study.starts import DrawnEstimate
+from swarmctl.study.campaign import Campaign, run
+from swarmctl.study.registry import filters, formations
+from swarmctl.study.starts import DrawnEstimate
 
 STEPS = 801
 
 FLIGHT = """
 import resource, sys
-from sim.study.campaign import Campaign, run
-from sim.study.engagement import Engagement
-from sim.study.registry import filters, formations
-from sim.study.starts import DrawnEstimate
+from swarmctl.study.campaign import Campaign, run
+from swarmctl.study.engagement import Engagement
+from swarmctl.study.registry import filters, formations
+from swarmctl.study.starts import DrawnEstimate
 runs = int(sys.argv[1])
 one = {"perpendicular": formations()["perpendicular"]}
 short = Engagement(duration_s=0.4)

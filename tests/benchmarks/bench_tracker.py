@@ -23,14 +23,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation import ekf
 from swarmctl.estimation.arguments import Array
-from swarmctl.estimation.augmented import Rows, star
-from swarmctl.estimation.estimator import Estimator
-from swarmctl.estimation.initial import Prior
-from swarmctl.estimation.manoeuvre import Manoeuvre
-from swarmctl.estimation.nuisance import ReceiverErrors
-from swarmctl.estimation.rd_model import range_differences
+from swarmctl.estimation.kernels import ekf
+from swarmctl.estimation.kernels.augmented import Rows, star
+from swarmctl.estimation.model.prior import Prior
+from swarmctl.estimation.model.range_difference import range_differences
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.estimation.track.manoeuvre import Manoeuvre
+from swarmctl.estimation.track.track import Estimator
 
 PERIOD_S = 0.1
 ROUND = 10

@@ -133,8 +133,8 @@ def test_bad_input_is_a_sentence(
 ) -> None:
     (tmp_path / "taken").touch()
     (tmp_path / "broken.py").write_text(
-        "from sim.study.registry import register_filter\n"
-        "from swarmctl.estimation.filters import ncrkf\n"
+        "from swarmctl.study.registry import register_filter\n"
+        "from swarmctl.study.filters import ncrkf\n"
         "class Broken:\n"
         "    relative = False\n"
         "    start, track = ncrkf().start, ncrkf().track\n"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import FormationError
-from swarmctl.estimation.bounds import CramerRaoBound
-from swarmctl.estimation.motion import ConstantVelocity
-from swarmctl.estimation.rd_model import rd_covariance
+from swarmctl.estimation.bounds.pcrb import CramerRaoBound
+from swarmctl.estimation.model.motion import ConstantVelocity
+from swarmctl.estimation.model.range_difference import rd_covariance
 from swarmctl.formation.dogleg import (
     EVERY_S,
     DogLegs,

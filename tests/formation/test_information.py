@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import FormationError
-from swarmctl.estimation.bounds import CramerRaoBound
-from swarmctl.estimation.motion import ConstantVelocity
-from swarmctl.estimation.rd_model import range_differences, rd_covariance
+from swarmctl.estimation.bounds.pcrb import CramerRaoBound
+from swarmctl.estimation.model.motion import ConstantVelocity
+from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
 from swarmctl.formation.information import (
     Array,
     fisher,

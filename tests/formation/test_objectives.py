@@ -8,11 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sim.study.engagement import Engagement, fly
-from sim.study.starts import CV, table_1_covariance
 from swarmctl.errors import FormationError
-from swarmctl.estimation.bounds import pcrb
-from swarmctl.estimation.motion import ConstantVelocity
+from swarmctl.estimation.bounds.pcrb import pcrb
+from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.formation.information import Array, fisher
 from swarmctl.formation.objectives import (
     OBJECTIVES,
@@ -25,6 +23,8 @@ from swarmctl.formation.objectives import (
     track,
 )
 from swarmctl.formation.requirements import Noise, Requirements
+from swarmctl.study.engagement import Engagement, fly
+from swarmctl.study.starts import CV, table_1_covariance
 
 TABLE_1 = Engagement(rho=0.5, duration_s=12.0)
 PRIOR = table_1_covariance()[np.ix_(CV, CV)]

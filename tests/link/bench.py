@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 from typing import Any, Protocol, TypeVar
 
 from swarmctl.events import Command, GoTo, InputRejected, Observation
-from swarmctl.link.facts import Address
-from swarmctl.link.link import MavlinkLink
+from swarmctl.link.codec.messages import Address
+from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing
 from tests.link.wire import Sender, unpack
 

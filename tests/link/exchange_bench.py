@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from swarmctl.events import CommandOutcome, Heartbeat, LandedState, Mode
-from swarmctl.link.exchange import Attempt, Exchange, Request, State
-from swarmctl.link.facts import CommandAck, CommandLong, MavCmd
+from swarmctl.link.codec.messages import CommandAck, CommandLong, MavCmd
+from swarmctl.link.command_protocol import Attempt, Exchange, Request, State
 
 ASK = CommandLong(MavCmd.REQUEST_MESSAGE, (242.0,))
 ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))

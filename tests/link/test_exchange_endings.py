@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from swarmctl.link.facts import MavCmd
+from swarmctl.link.codec.messages import MavCmd
 from tests.link.exchange_bench import (
     REQUEST_ARM,
     REQUEST_HOME,

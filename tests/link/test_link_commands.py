@@ -17,7 +17,7 @@ from swarmctl.events import (
     StreamTelemetry,
     TakeOff,
 )
-from swarmctl.link.facts import Address, MavCmd
+from swarmctl.link.codec.messages import Address, MavCmd
 from tests.link.bench import AT_1, AT_2, GCS, Bench, Vehicle, goto
 
 # --- Setpoints -------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from swarmctl.events import (
     VehiclePosition,
 )
 from swarmctl.link.channels import SILENT_LINK_S
-from swarmctl.link.facts import Address
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing, timestamp_at
 from tests.link.bench import AT_1, AT_2, ELSEWHERE, GCS, Bench, Vehicle, goto
 from tests.link.test_signing import KEY, Signer, receiver

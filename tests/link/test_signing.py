@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.link.encoding import Encoder
-from swarmctl.link.facts import CommandLong, Frame, MavCmd
-from swarmctl.link.framing import split
+from swarmctl.link.codec.encoding import Encoder
+from swarmctl.link.codec.framing import split
+from swarmctl.link.codec.messages import CommandLong, Frame, MavCmd
 from swarmctl.link.signing import EPOCH_UTC_S, MAX_AGE, UNITS_PER_S, Signing, timestamp_at
 from tests.link.wire import Sender
 

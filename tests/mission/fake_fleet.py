@@ -42,7 +42,7 @@ from swarmctl.events import (
 )
 from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
 
 UTC0 = 1_790_000_000.0
 PERIOD_S = 0.1

@@ -18,8 +18,8 @@ from swarmctl.events import (
     SetMode,
     UploadFence,
 )
-from swarmctl.mission.loading import parse_mission
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
+from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import UTC0, Flight
 from tests.missions import short_mission_text
 

@@ -18,7 +18,7 @@ from swarmctl.events import (
     TakeOff,
 )
 from swarmctl.mission.custody import RESUME_S
-from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight
 from tests.missions import short_mission_text
 

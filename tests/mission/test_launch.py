@@ -14,8 +14,8 @@ from swarmctl.events import (
 )
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.launch import LANDING_TIMEOUT_S, RETRY_S, TAKE_OFF_TIMEOUT_S, Landing, Launch
-from swarmctl.mission.loading import parse_mission
-from swarmctl.mission.watch import HEARTBEAT_LOST_AFTER_S, Watch
+from swarmctl.mission.loss_detection import HEARTBEAT_LOST_AFTER_S, Watch
+from swarmctl.mission.mission_file_loading import parse_mission
 from tests.missions import short_mission_text
 
 

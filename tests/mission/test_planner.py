@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import FormationError
-from swarmctl.mission.loading import load_mission, parse_mission
-from swarmctl.mission.model import Mission
+from swarmctl.mission.mission_file import Mission
+from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.target import Target

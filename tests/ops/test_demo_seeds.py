@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import pytest
 
-from swarmctl.estimation.consistency import mean_bounds
-from swarmctl.mission.loading import load_mission
+from swarmctl.estimation.bounds.consistency import mean_bounds
+from swarmctl.mission.mission_file_loading import load_mission
 from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
 DEMO = MISSIONS / "beacon_drift.yaml"

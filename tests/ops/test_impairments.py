@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.channel import Channel, Impairments
+from sim.radio_channel import Channel, Impairments
 from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import fly_in_memory
 from tests.link.wire import unpack

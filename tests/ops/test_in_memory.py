@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from sim.channel import Channel
+from sim.radio_channel import Channel
 from sim.receivers import Receivers
 from sim.world import World
 from swarmctl.errors import UsageError
 from swarmctl.events import Estimate, Notice, ReceiverTruth, Record
-from swarmctl.link.facts import Address
-from swarmctl.mission.loading import load_mission
+from swarmctl.link.codec.messages import Address
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops import in_memory

@@ -11,8 +11,8 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.events import Notice
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
-from swarmctl.link.facts import Address
 from swarmctl.ops.live import fly, station_addresses
 from tests.brokers import Embedded, free_port
 from tests.link.endpoints.test_stream import Server

@@ -7,7 +7,7 @@ from typing import Literal
 import pytest
 
 from swarmctl.events import Heartbeat, Mode, ParameterValue
-from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.ops.live import what_vehicles_do
 from swarmctl.ops.station import Station
 from tests.missions import short_mission_text

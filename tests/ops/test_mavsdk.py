@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from swarmctl.errors import UsageError
 from swarmctl.frames import LocalFrame
-from swarmctl.mission.loading import load_mission
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.live import fly
 from swarmctl.ops.simulation import simulated
 
@@ -71,7 +71,7 @@ async def test_what_mavsdk_does_not_do_is_refused(
 async def test_without_mavsdk_the_extra_is_named(
     short_mission: Short, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "swarmctl.link.mavsdk_backend", raising=False)
+    monkeypatch.delitem(sys.modules, "swarmctl.link.mavsdk_link", raising=False)
     for name in [name for name in sys.modules if name.partition(".")[0] == "mavsdk"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "mavsdk", None)

@@ -9,8 +9,8 @@ import os
 
 import pytest
 
-from swarmctl.estimation.consistency import mean_bounds
-from swarmctl.mission.loading import load_mission
+from swarmctl.estimation.bounds.consistency import mean_bounds
+from swarmctl.mission.mission_file_loading import load_mission
 from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
 MISSION = MISSIONS / "beacon_real_clocks.yaml"

@@ -7,7 +7,7 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.events import PhaseChanged
-from swarmctl.mission.loading import load_mission
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.station import Station
 from tests.missions import DEMO

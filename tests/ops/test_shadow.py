@@ -6,8 +6,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.world import World
 from swarmctl.events import Arm, Command, GoTo, Record, SetMode, TakeOff
-from swarmctl.link.facts import Address
-from swarmctl.mission.loading import parse_mission
+from swarmctl.link.codec.messages import Address
+from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
 from tests.missions import short_mission_text

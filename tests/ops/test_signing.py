@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.events import Notice
 from swarmctl.link.signing import timestamp_at
-from swarmctl.mission.loading import load_mission
+from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.in_memory import UTC_START_S as UTC_S
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.live import fly

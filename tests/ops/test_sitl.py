@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.listening import Listening
+from sim.sitl_receivers import Listening
 from sim.world import World
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.events import Notice
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import open_udp
-from swarmctl.link.facts import Address
-from swarmctl.mission.loading import load_mission, parse_mission
+from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.ops.live import fly
 from swarmctl.ops.simulation import serve_receivers_of, sim_config, simulated
 from swarmctl.ops.station import Station

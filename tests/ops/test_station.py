@@ -10,9 +10,9 @@ from sim.config import VehicleConfig
 from sim.world import World
 from swarmctl.events import EmitterTruth, LinkConnection, ReceiverTruth, Record
 from swarmctl.feed.schema import RangeDifferenceMessage, ReceiverTruthMessage, TruthMessage
-from swarmctl.link.facts import Address
+from swarmctl.link.codec.messages import Address
 from swarmctl.mission.controller import Controller
-from swarmctl.mission.loading import parse_mission
+from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station

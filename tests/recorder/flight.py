@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from swarmctl import events
-from swarmctl.estimation.nuisance import ReceiverErrors
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.events import Record
 from swarmctl.frames import LocalFrame, Vector
 from swarmctl.recorder.debrief import DebriefSettings

@@ -8,7 +8,7 @@ import pytest
 
 from swarmctl.frames import Vector
 from swarmctl.recorder.distances import Distances
-from swarmctl.recorder.series import FlightSeries
+from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
 
 GROUND_M = 40.0

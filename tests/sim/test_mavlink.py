@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.mavlink import Codec
-from swarmctl.link.encoding import Encoder
-from swarmctl.link.framing import split
+from swarmctl.link.codec.encoding import Encoder
+from swarmctl.link.codec.framing import split
 from swarmctl.link.signing import Signing, timestamp_at
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))

@@ -16,8 +16,8 @@ from swarmctl.link.autopilots.common import (
     shows_airborne,
     shows_mode,
 )
-from swarmctl.link.exchange import Request
-from swarmctl.link.facts import CommandLong, MavCmd, Spelling
+from swarmctl.link.codec.messages import CommandLong, MavCmd, Spelling
+from swarmctl.link.command_protocol import Request
 
 NAME = "ArduCopter"
 GUIDED_BY_STREAM = False

@@ -15,8 +15,8 @@ from swarmctl.events import (
     RequestVersion,
     StreamTelemetry,
 )
-from swarmctl.link.exchange import Request, State
-from swarmctl.link.facts import CommandLong, DataStream, MavCmd, MessageId
+from swarmctl.link.codec.messages import CommandLong, DataStream, MavCmd, MessageId
+from swarmctl.link.command_protocol import Request, State
 
 _EXTENDED_STATUS, _POSITION, _EXTRA1, _EXTRA3 = 2, 6, 10, 12
 """MAV_DATA_STREAMs."""

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from swarmctl.events import Command, Mode
 from swarmctl.link.autopilots import ardupilot, px4
-from swarmctl.link.exchange import Request
-from swarmctl.link.facts import Spelling
+from swarmctl.link.codec.messages import Spelling
+from swarmctl.link.command_protocol import Request
 
 
 class Personality(Protocol):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.stream import StreamEndpoint, open_stream
 from swarmctl.link.endpoints.udp import OnData, UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
-from swarmctl.link.facts import Address
 
 OnConnection = Callable[[Address, str, bool], None]
 """Called with an endpoint's address and URL when it was lost (False) and is back (True)."""

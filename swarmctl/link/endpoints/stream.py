@@ -9,10 +9,10 @@ from types import ModuleType
 from typing import cast
 
 from swarmctl.errors import LinkError
+from swarmctl.link.codec.framing import Framer
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import OnData
 from swarmctl.link.endpoints.url import EndpointUrl
-from swarmctl.link.facts import Address
-from swarmctl.link.framing import Framer
 
 FIRST_PAUSE_S = 0.5
 """Before the first try to open a lost connection again; every later pause is twice as long."""

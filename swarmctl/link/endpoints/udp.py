@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import cast
 
 from swarmctl.errors import LinkError
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.url import EndpointUrl
-from swarmctl.link.facts import Address
 
 OnData = Callable[[bytes, Address], None]
 """Called with what came in, a datagram or whole frames of a stream, and where from."""

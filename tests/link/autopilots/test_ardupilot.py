@@ -23,7 +23,7 @@ from swarmctl.events import (
     WriteParameter,
 )
 from swarmctl.link.autopilots import ardupilot
-from swarmctl.link.exchange import Request, State
+from swarmctl.link.command_protocol import Request, State
 from tests.recorder.samples import record_types
 
 ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}

@@ -20,7 +20,7 @@ from swarmctl.events import (
     WriteParameter,
 )
 from swarmctl.link.autopilots import px4
-from swarmctl.link.exchange import Request
+from swarmctl.link.command_protocol import Request
 from tests.recorder.samples import record_types
 
 ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}

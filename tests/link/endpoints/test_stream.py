@@ -11,10 +11,10 @@ import tty
 import pytest
 
 from swarmctl.errors import LinkError
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints import stream
 from swarmctl.link.endpoints.stream import open_stream
 from swarmctl.link.endpoints.url import EndpointUrl
-from swarmctl.link.facts import Address
 from tests.brokers import free_port
 from tests.link.endpoints.test_udp import Inbox, ignore
 from tests.link.wire import Sender

@@ -8,9 +8,9 @@ import socket
 import pytest
 
 from swarmctl.errors import LinkError
+from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl
-from swarmctl.link.facts import Address
 
 LOOPBACK = EndpointUrl("udpin", "127.0.0.1", 0)
 

@@ -1,0 +1,38 @@
+"""What a flight mode is; each personality has a table of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sim.autopilots.flight_tasks import Descend, Hold, Task, sink
+from sim.autopilots.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class FlightMode:
+    """One flight mode.
+
+    Attributes:
+        number: ``custom_mode`` of HEARTBEAT.
+        name: The autopilot's name for it.
+        can_arm: Whether arming is allowed in it.
+        base_mode: ``base_mode`` of HEARTBEAT, disarmed.
+        task: What the vehicle does on entering it in the air, by its parameters.
+    """
+
+    number: int
+    name: str
+    can_arm: bool
+    base_mode: int
+    task: Callable[[Parameters], Task]
+
+
+def hold(_parameters: Parameters) -> Hold:
+    """What a mode does that keeps its place."""
+    return Hold()
+
+
+def sinking(rate_mps: float) -> Callable[[Parameters], Descend]:
+    """What a mode does that waits for a pilot who is not there."""
+    return lambda _parameters: sink(rate_mps)

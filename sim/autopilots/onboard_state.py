@@ -1,0 +1,196 @@
+"""What a simulated autopilot knows about itself: read by telemetry, changed by the autopilot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from sim.autopilots.flight_modes import FlightMode
+from sim.autopilots.flight_tasks import FlyAxes, FlyVelocity, Situation, Task
+from sim.autopilots.mission_flight import FlyLegs
+from sim.autopilots.parameters import Parameters
+from sim.autopilots.traits import SHORT, Manners, Timeline
+from sim.clock import Clock
+from sim.config import VehicleConfig
+from sim.dynamics import State
+from sim.navigation_error import PositionError
+from swarmctl.frames import LocalFrame, Vector
+
+CELLS = 3
+EMPTY_CELL_V, FULL_CELL_V = 3.5, 4.2
+CAPACITY_MAH = 3300.0
+ENDURANCE_S = 1800.0
+"""A full battery lasts so long with the motors armed."""
+STANDBY_S = 50.0 * ENDURANCE_S
+"""A full battery lasts so long with the motors disarmed."""
+TOUCHDOWN_S = 1.0
+"""Ground contact for so long is a landing."""
+YAW_RATE_RADPS = math.radians(90.0)
+
+
+class Fitting(NamedTuple):
+    """What an autopilot is built into.
+
+    Attributes:
+        config: The UAV.
+        frame: Frame of the simulated world.
+        clock: Its clocks.
+        navigation: Error of its positions; the caller moves it on.
+        truth: True state at the start.
+    """
+
+    config: VehicleConfig
+    frame: LocalFrame
+    clock: Clock
+    navigation: PositionError
+    truth: State
+
+
+@dataclass(slots=True)
+class Onboard:
+    """State of one autopilot.
+
+    Attributes:
+        config: The UAV.
+        frame: Frame of the simulated world.
+        clock: Its clocks.
+        navigation: Error of its positions.
+        truth: True state of the airframe.
+        manners: Those of its autopilot.
+        parameters: Its parameters.
+        power_up_s: Simulation time at which it powers or powered up.
+        now_s: Simulation time of ``truth``, s.
+        mode: Flight mode.
+        task: What it does when in the air.
+        armed: Whether the motors are armed.
+        landed: Whether it knows itself on the ground (ArduCopter's ``land_complete``).
+        flown: Whether it left the ground since it was armed.
+        failsafe: Whether a failsafe acts.
+        mission_seq: Number of the mission's item that is flown, or is next to be.
+        contact_s: Simulation time since which the airframe touches the ground; None in the air.
+        idle_since_s: Simulation time since which it stands armed on the ground with nothing to
+            do, s.
+        origin_enu: Origin of its local frame, m; None before it has a position.
+        home_enu: Home, m; None before it has a position.
+        home_alt_amsl_m: Altitude of home, m.
+        yaw_rad: Heading, clockwise from north, rad.
+        wanted_yaw_rad: Heading it turns to, rad.
+        yaw_rate_radps: Rate it turns at while it flies a velocity, rad/s clockwise.
+        charge: Battery charge left, 0..1.
+        full_v: Voltage of the full battery, V.
+        gps_ok: Whether its GPS works.
+        timeline: What happens when after power-up.
+    """
+
+    config: VehicleConfig
+    frame: LocalFrame
+    clock: Clock
+    navigation: PositionError
+    truth: State
+    manners: Manners
+    parameters: Parameters
+    mode: FlightMode
+    task: Task
+    power_up_s: float
+    now_s: float = 0.0
+    armed: bool = False
+    landed: bool = True
+    flown: bool = False
+    failsafe: bool = False
+    mission_seq: int = 0
+    contact_s: float | None = 0.0
+    idle_since_s: float = 0.0
+    origin_enu: Vector | None = None
+    home_enu: Vector | None = None
+    home_alt_amsl_m: float = 0.0
+    yaw_rad: float = 0.0
+    wanted_yaw_rad: float = 0.0
+    yaw_rate_radps: float = 0.0
+    charge: float = 1.0
+    full_v: float = CELLS * FULL_CELL_V
+    gps_ok: bool = True
+    timeline: Timeline = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.timeline = self.manners.boot if self.config.full_boot else SHORT
+
+    @property
+    def up_s(self) -> float:
+        """True time since power-up, s."""
+        return self.now_s - self.power_up_s
+
+    @property
+    def boot_s(self) -> float:
+        """Time since power-up by its own clock, s."""
+        return self.clock.elapsed_s(self.up_s)
+
+    @property
+    def doing(self) -> Task:
+        """What it does when in the air; of a mission, what it does for its leg."""
+        task = self.task
+        return task.doing or task if isinstance(task, FlyLegs) else task
+
+    @property
+    def gps_fix(self) -> bool:
+        """Whether its GPS knows where it is."""
+        return self.gps_ok and self.up_s >= self.timeline.gps_fix_s
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether its own solution is good enough to arm."""
+        return self.gps_ok and self.up_s >= self.timeline.armable_s
+
+    @property
+    def prearm_ok(self) -> bool:
+        """Whether it says it would arm."""
+        return self.position_ok and self.mode.can_arm
+
+    @property
+    def voltage_v(self) -> float:
+        """Voltage of the battery, V: linear in the charge."""
+        empty = EMPTY_CELL_V / FULL_CELL_V
+        return self.full_v * (empty + (1.0 - empty) * self.charge)
+
+    @property
+    def position_enu(self) -> Vector:
+        """Position in the autopilot's own solution, m."""
+        (x, y, z), (ex, ey, ez) = self.truth.position_enu, self.navigation.correlated_enu
+        return (x + ex, y + ey, z + ez)
+
+    def situation(self, home_enu: Vector) -> Situation:
+        """What guidance goes by; the velocity's error is negligible."""
+        return Situation(self.now_s, self.position_enu, self.truth.velocity_enu, home_enu)
+
+    def set_home_here(self) -> None:
+        """Take the present position for home."""
+        self.home_enu = self.position_enu
+        self.home_alt_amsl_m = self.frame.to_geodetic(*self.home_enu)[2]
+
+    def draw(self, step_s: float) -> None:
+        """Draw from the battery for a time step, s."""
+        self.charge = max(0.0, self.charge - step_s / (ENDURANCE_S if self.armed else STANDBY_S))
+
+    def detect_landing(self) -> None:
+        """Notice having left the ground or landed."""
+        if not self.truth.on_ground:
+            self.contact_s, self.landed, self.flown = None, False, True
+            return
+        if self.contact_s is None:
+            self.contact_s = self.now_s
+        if not self.landed and self.now_s - self.contact_s >= TOUCHDOWN_S:
+            self.landed, self.idle_since_s = True, self.now_s
+
+    def turn(self, step_s: float) -> None:
+        """Turn towards the heading wanted, or at the rate, for a time step, s."""
+        if self.yaw_rate_radps != 0.0 and isinstance(self.task, FlyVelocity | FlyAxes):
+            rate = max(-YAW_RATE_RADPS, min(YAW_RATE_RADPS, self.yaw_rate_radps))
+            self.yaw_rad = self.wanted_yaw_rad = self.yaw_rad + rate * step_s
+            return
+        if self.yaw_rad == self.wanted_yaw_rad:
+            return
+        to_go = math.remainder(self.wanted_yaw_rad - self.yaw_rad, 2.0 * math.pi)
+        if abs(to_go) <= YAW_RATE_RADPS * step_s:
+            self.yaw_rad = self.wanted_yaw_rad
+        else:
+            self.yaw_rad += math.copysign(YAW_RATE_RADPS * step_s, to_go)

@@ -1,0 +1,293 @@
+"""One pass through a recording: epochs in, the estimate after each out. Streams; no I/O."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from swarmctl.datasets.dataset import LARGEST_RHO, Epoch, Receivers, rows_of
+from swarmctl.datasets.plain_ekf import PlainEkf
+from swarmctl.errors import EstimationError, UsageError
+from swarmctl.estimation.arguments import Array
+from swarmctl.estimation.integrity.gate import GATE
+from swarmctl.estimation.integrity.health import Verdict
+from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.prior import Prior
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.estimation.track.modes import Estimate
+from swarmctl.estimation.track.track import Estimator
+
+_APERTURES = 2.0
+"""1-sigma of the prior per axis, where none is given, in distances of the outermost receiver
+from their middle: wide enough for an emitter in their midst or a few apertures away."""
+_GATE = 3.0
+"""Sigmas beyond which a row is set aside. Outliers of a room are of all sizes, and those near the
+gate do the harm; the one good row in 370 that goes with them is not missed among hundreds."""
+_SURE = 1.96
+"""Sigmas within which a normal number is with 95 %."""
+_HEIGHT_SIGMA_M = 0.01
+_CLIMB_SIGMA_MPS = 1e-3
+"""1-sigma of a height that is known, and of its rate of change."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is assumed of a recording.
+
+    Attributes:
+        sigma_m: White 1-sigma of a range difference (RD) that brings none of its own.
+        colour_m: 1-sigma of an RD's correlated error (multipath); 0 for none.
+        tau_s: Its correlation time.
+        rho: Share of an RD's white variance that each of its two arrivals has, 0 to ½. At 0
+            every RD stands by itself, and so do outliers: otherwise they are of a receiver.
+        clock_bias_m: 1-sigma of a receiver's clock; 0 for good clocks.
+        clock_drift_mps: 1-sigma of its drift.
+        navigation_m: 1-sigma of the receivers' positions per axis; 0 for exact ones.
+        navigation_tau_s: Its correlation time.
+        process_noise: Spectral density of the emitter's acceleration per axis, m²/s³.
+        speed_mps: 1-sigma of its velocity at the beginning per axis.
+        at: Where it is at the beginning, (east, north, up), m; None for the middle of the
+            receivers.
+        within_m: 95 % sure within so many metres of there along each axis; None for four times
+            the distance of the outermost receiver from their middle.
+        height_m: Known height of the emitter, m; None for one that is estimated.
+
+    Raises:
+        UsageError: A number is outside its interval.
+    """
+
+    sigma_m: float = 0.1
+    colour_m: float = 0.2
+    tau_s: float = 0.5
+    rho: float = 0.5
+    clock_bias_m: float = 0.0
+    clock_drift_mps: float = 0.0
+    navigation_m: float = 0.0
+    navigation_tau_s: float = 60.0
+    process_noise: float = 0.2
+    speed_mps: float = 1.0
+    at: tuple[float, float, float] | None = None
+    within_m: float | None = None
+    height_m: float | None = None
+
+    def __post_init__(self) -> None:
+        above_0 = ["sigma_m", "tau_s", "navigation_tau_s", "speed_mps"]
+        if self.within_m is not None:
+            above_0.append("within_m")
+        # Written so that NaN fails too.
+        for name in above_0:
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise UsageError(f"{name} must be above 0, not {getattr(self, name):g}.")
+        for name in (
+            "colour_m",
+            "clock_bias_m",
+            "clock_drift_mps",
+            "navigation_m",
+            "process_noise",
+        ):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise UsageError(f"{name} must be 0 or above, not {getattr(self, name):g}.")
+        if self.clock_drift_mps > 0.0 and self.clock_bias_m == 0.0:
+            raise UsageError("A clock that drifts has a bias: clock_bias_m must be above 0.")
+        if not 0.0 <= self.rho <= 0.5:
+            raise UsageError(f"rho must be from 0 to 0.5, not {self.rho:g}.")
+        if self.height_m is not None and not math.isfinite(self.height_m):
+            raise UsageError(f"height_m must be a finite number, not {self.height_m:g}.")
+
+    @property
+    def errors(self) -> ReceiverErrors:
+        """The receivers' error model."""
+        return ReceiverErrors(
+            bias_m=self.clock_bias_m,
+            drift_mps=self.clock_drift_mps,
+            navigation_m=self.navigation_m,
+            navigation_tau_s=self.navigation_tau_s,
+            colour_m=self.colour_m / math.sqrt(2.0),  # two arrivals make a range difference
+            colour_tau_s=self.tau_s,
+        )
+
+    @property
+    def dof(self) -> int:
+        """Axes of the position that are estimated: those of the NEES."""
+        return 3 if self.height_m is None else 2
+
+    @property
+    def psd(self) -> tuple[float, float, float]:
+        """Process noise of the three axes."""
+        return self.process_noise, self.process_noise, self.process_noise * (self.dof == 3)
+
+
+class Filter(Protocol):
+    """What tracks: :class:`~swarmctl.estimation.track.track.Estimator` and what is like it."""
+
+    verdict: Verdict
+    used: int
+    aside: int
+    repeated: int
+
+    def update(self, rows: Rows) -> bool:
+        """Take the rows of an epoch; is there an estimate?"""
+
+    def estimates(self) -> list[Estimate]:
+        """What is known, the most probable first."""
+
+    def restart(self, prior: Prior) -> None:
+        """Begin again."""
+
+
+FILTERS: dict[str, Callable[[Prior, Settings], Filter]] = {
+    "tracker": lambda prior, settings: Estimator(prior, settings.errors, settings.psd, gate=_GATE),
+    "ekf": lambda prior, settings: PlainEkf(prior, settings.psd, gate=_GATE),
+}
+"""What can track, by name."""
+
+
+class Step(NamedTuple):
+    """The estimate after an epoch.
+
+    Attributes:
+        epoch_s: s.
+        x: Position and velocity, (6,), SI; None while there is no estimate.
+        P: Its covariance, (6, 6).
+        verdict: Health.
+    """
+
+    epoch_s: float
+    x: Array | None
+    P: Array
+    verdict: Verdict
+
+
+@dataclass
+class Counts:
+    """What became of the measurements.
+
+    Attributes:
+        epochs: With at least one that could be used.
+        unplaced: Left out because a receiver's position is not recorded at that time.
+        restarts: How often the track was begun again after it had diverged.
+        used: Used.
+        aside: Set aside as echoes.
+        repeated: Left out as copies of earlier ones.
+    """
+
+    epochs: int = 0
+    unplaced: int = 0
+    restarts: int = 0
+    used: int = 0
+    aside: int = 0
+    repeated: int = 0
+
+
+def prior_of(settings: Settings, receivers_at: Array) -> Prior:
+    """What is known of the emitter before the first measurement.
+
+    Args:
+        settings: With a prior, or without.
+        receivers_at: Positions, (R, 3), m.
+    """
+    middle = receivers_at.mean(0)
+    aperture = float(np.sqrt(((receivers_at - middle) ** 2).sum(-1)).max())
+    if settings.within_m is None:
+        sigma = _APERTURES * max(aperture, 1e-3)
+    else:
+        sigma = settings.within_m / _SURE
+    mean = np.zeros(6)
+    mean[:3] = middle if settings.at is None else settings.at
+    sigmas = np.array([sigma] * 3 + [settings.speed_mps] * 3)
+    if settings.height_m is not None:
+        mean[2] = settings.height_m
+        sigmas[2], sigmas[5] = _HEIGHT_SIGMA_M, _CLIMB_SIGMA_MPS
+    return Prior(mean, np.diag(sigmas**2))
+
+
+def track(
+    name: str, settings: Settings, receivers: Receivers, epochs: Iterable[Epoch], counts: Counts
+) -> Iterator[Step]:
+    """Track the emitter through a recording.
+
+    A track that has diverged is begun again, with no prior but the receivers' middle.
+
+    Args:
+        name: One of :data:`FILTERS`.
+        settings: What is assumed.
+        receivers: Who measured.
+        epochs: What, in the order of time; read as they are needed.
+        counts: Kept up to date.
+
+    Raises:
+        UsageError: There is no such filter.
+    """
+    if name not in FILTERS:
+        raise UsageError(f"There is no filter {name!r}; there are {', '.join(FILTERS)}.")
+    found: Filter | None = None
+    anywhere: Prior | None = None
+    for epoch in epochs:
+        rows, unplaced = rows_of(epoch, receivers, settings.rho)
+        counts.unplaced += unplaced
+        if rows is None:
+            continue
+        counts.epochs += 1
+        if found is None or anywhere is None:
+            places = [path.at(epoch.epoch_s) for path in receivers.paths]
+            at = np.stack([place for place in places if place is not None])
+            found = FILTERS[name](prior_of(settings, at), settings)
+            anywhere = prior_of(
+                Settings(speed_mps=settings.speed_mps, height_m=settings.height_m), at
+            )
+        try:
+            there = False
+            for part in _parts(rows, settings.rho):
+                there = found.update(part)
+            best = found.estimates()[0] if there else None
+        except EstimationError:  # no finite result: begin again
+            best, failed = None, True
+        else:
+            failed = found.verdict.status == "diverged"
+        counts.used, counts.aside, counts.repeated = found.used, found.aside, found.repeated
+        yield Step(
+            epoch.epoch_s,
+            None if best is None else best.x,
+            np.zeros((6, 6)) if best is None else best.P,
+            found.verdict,
+        )
+        if failed:
+            counts.restarts += 1
+            found.restart(anywhere)
+
+
+def _parts(rows: Rows, rho: float) -> Iterator[Rows]:
+    """What is updated with at once: all rows of an epoch, or each where they are independent."""
+    if len(rows.rd) == 1 or (rho > 0.0 and _is_one_signal(rows, rho)):
+        yield rows
+        return
+    for row in np.eye(len(rows.rd), dtype=np.bool_):
+        yield rows.where(row)
+
+
+def _is_one_signal(rows: Rows, rho: float) -> bool:
+    """Whether an epoch's RDs can be the differences of one set of arrivals.
+
+    Then those along a loop of pairs (ab, bc, ca) add up to nothing but what is each
+    row's own. Loops that do not close are of signals one after the other, in a recording whose
+    clock is coarser than their distance.
+    """
+    own = GATE * math.sqrt(2.0 * (1.0 - 2.0 * min(rho, LARGEST_RHO)))
+    limits = own * np.sqrt(np.diagonal(rows.covariance))
+    # Of each receiver: the group that pairs connect it with, and its arrival in there, m.
+    known: dict[int, tuple[int, float]] = {}
+    for first, second, rd, limit in zip(rows.first, rows.second, rows.rd, limits, strict=True):
+        group, begin = known.setdefault(first, (first, 0.0))
+        other, end = known.setdefault(second, (second, 0.0))
+        if group == other:
+            if abs(end - begin - rd) > limit:
+                return False
+            continue
+        for receiver, (its, arrival) in known.items():
+            if its == other:
+                known[receiver] = (group, arrival + begin + rd - end)
+    return True

@@ -1,0 +1,1 @@
+"""How good any estimator can be (Cramér-Rao bounds), and whether one is consistent."""

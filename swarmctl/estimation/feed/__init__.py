@@ -1,0 +1,1 @@
+"""From messages to rows: positions aligned with measurements, arrival times paired."""

@@ -1,0 +1,1 @@
+"""Whether measurements and the track may be believed: gate, repetition, health."""

@@ -1,0 +1,1 @@
+"""Filter steps as pure functions: NCRKF, EKF, the update of emitter and receivers together."""

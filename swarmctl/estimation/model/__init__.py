@@ -1,0 +1,1 @@
+"""What is measured and how the emitter moves: models, the receivers' errors, priors."""

@@ -1,0 +1,1 @@
+"""The track: one loop over the epochs, its modes, manoeuvres and window."""

@@ -1,0 +1,133 @@
+r"""How much of what tells two modes apart is real, and how much the noise of reported positions.
+
+The receivers are at p and report q = p + delta. Of a mode and its mirror image let h and h_m be
+the range differences expected, ``c = h_m(q) - h(q)`` their contrast, nu the innovation of the
+first and S its covariance, with the reported positions' part in it. The data then favour the
+first mode by the log-likelihood ratio
+
+    L = c' S⁻¹ (c / 2 - nu),        c = c_true + D delta,        D = dh_m/dp - dh/dp
+
+as if q were exact and p scattered about it, of any place as probably as of any other. But p is
+not drawn anew for every epoch. If the first mode is the true one then, over delta and all other
+noise, with ``A = D cov(delta) D' S⁻¹`` and the real information ``I = c_true' S⁻¹ c_true``,
+
+    E L = I / 2,        var L <= I + tr A,        E[c' S⁻¹ c] = I + tr A
+
+(the position noise, alike in all directions, has the same variance along either line of sight,
+which is why nothing of it is left in E L). So of a swarm that hovers on one line, I = 0, every
+epoch adds a step of either sign to L, and sooner or later one of the two modes is improbable: the
+error in variables, taken for a scatter (Berkson, "Are there two regressions?", J. Am. Stat. Assoc.
+45, 1950). The log-odds that a normal number of such moments stands for are ``2 E L / var L`` of
+it: at least the share
+
+    I / (I + tr A).
+
+Its denominator is ``c' S⁻¹ c``, as found. Its numerator is that less ``tr A``, and less some sigmas
+of what the noise makes of it alone, ``2 tr A²``: the share is 0 until the contrast is real, and 1
+once it is large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.estimation.arguments import Array, Mask
+from swarmctl.estimation.kernels.augmented import Rows
+
+_ALLOWED = 3.0
+"""Sigmas by which the noise of positions alone may exceed its mean, and still tell nothing."""
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Between two modes or, as arrays, many pairs of them. Those of several epochs add up.
+
+    Attributes:
+        found: ``c' S⁻¹ c``.
+        noise: What the noise of positions makes of it on average, ``tr A``.
+        variance: Of that, ``2 tr A²``.
+    """
+
+    found: Array
+    noise: Array
+    variance: Array
+
+    def __add__(self, other: Contrast) -> Contrast:
+        """Of both together."""
+        return Contrast(
+            self.found + other.found, self.noise + other.noise, self.variance + other.variance
+        )
+
+    def where(self, kept: Mask) -> Contrast:
+        """Of (S, S), that between those that a mask (S,) keeps."""
+        both = np.ix_(kept, kept)
+        return Contrast(self.found[both], self.noise[both], self.variance[both])
+
+    @property
+    def share(self) -> Array:
+        """What of the log-likelihood ratio is evidence, 0 to 1."""
+        real = self.found - self.noise - _ALLOWED * np.sqrt(self.variance)
+        share: Array = np.maximum(real, 0.0) / np.maximum(self.found, np.finfo(np.float64).tiny)
+        return share
+
+
+def nothing(modes: int) -> Contrast:
+    """Of any two of so many modes, (modes, modes), before the first epoch."""
+    return Contrast(*np.zeros((3, modes, modes)))
+
+
+def between(
+    c: Array, root: Array, receivers: NDArray[np.intp], turned: Array, delta: Array
+) -> Contrast:
+    """Between two modes.
+
+    Args:
+        c: Difference of the range differences expected, (M,), m.
+        root: Lower Cholesky factor of S, (M, M), m.
+        receivers: Id of each row's first and second receiver, (2, M).
+        turned: Difference of their unit lines of sight, (2, M, d).
+        delta: Covariance of the reported positions' noise, along any axis, of one receiver in
+            two rows, (M, M), m².
+    """
+    sign = np.repeat([-1.0, 1.0], c.size)
+    signed = sign[:, None] * turned.reshape(2 * c.size, -1)
+    same = receivers.ravel()[:, None] == receivers.ravel()
+    ends = (same * (signed @ signed.T)).reshape(2, c.size, 2, c.size)
+    noise = delta * ends.sum((0, 2))
+    whitened = np.linalg.solve(root, np.column_stack([noise, c]))
+    A = np.linalg.solve(root, whitened[:, :-1].T)
+    of_c = whitened[:, -1]
+    return Contrast(of_c @ of_c, np.trace(A), 2.0 * (A * A).sum())
+
+
+def of_epoch(rows: Rows, at: Array, nu: Array, S: Array, variance: float) -> Contrast:
+    """Between any two modes in the rows of one epoch.
+
+    Args:
+        rows: The measurement.
+        at: Position of each mode, (S, d), m.
+        nu: Its innovation, (S, K), m.
+        S: Of it, (S, K, K), m².
+        variance: Of the reported positions, per axis, m².
+
+    Returns:
+        Of (S, S).
+    """
+    sight = at[:, None] - np.stack([rows.first_at, rows.second_at])[:, None]  # (2, S, K, d)
+    u = sight / np.sqrt(np.vecdot(sight, sight))[..., None]
+    receivers = np.array([rows.first, rows.second])
+    delta = np.full((len(rows.rd), len(rows.rd)), variance)
+    modes, root = range(len(at)), np.linalg.cholesky(S)
+    pairs = [
+        [between(nu[k] - nu[j], root[k], receivers, u[:, j] - u[:, k], delta) for j in modes]
+        for k in modes
+    ]
+    return Contrast(
+        *(
+            np.array([[getattr(pair, name) for pair in row] for row in pairs])
+            for name in ("found", "noise", "variance")
+        )
+    )

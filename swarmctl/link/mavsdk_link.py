@@ -1,0 +1,205 @@
+"""The vehicles' link on MAVSDK 4: it holds the sockets and speaks MAVLink, for teams that run it.
+
+MAVSDK opens the connections, finds the vehicles, and reads and writes every message, by its
+MavlinkDirect plugin. For what its typed plugins leave out is needed here: the time since boot of
+a position, SYSTEM_TIME, and a setpoint that is gone when the controller stops (its Offboard
+plugin repeats the last one for ever, and knows no global position with a velocity). How each
+autopilot is asked, and when a command counts as done, is the same as on the native link.
+
+MAVSDK calls back on a thread of its own; there a message is only put into the inbox, and
+:meth:`MavsdkLink.handle_timer` takes it out again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+from mavsdk.component_type import ComponentType
+from mavsdk.exceptions import ConnectionError as MavsdkConnectionError
+from mavsdk.logging import log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
+
+from swarmctl.errors import LinkError
+from swarmctl.events import Command, GoTo, RequestVersion, UploadFence
+from swarmctl.link import mavsdk_messages as messages
+from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, CommandLong, DataStream, Fault
+from swarmctl.link.command_protocol import Attempt
+from swarmctl.link.endpoints.url import parse_url
+from swarmctl.link.parameter_protocol import ReadPacket, SetPacket
+from swarmctl.link.vehicle import Packet, Vehicle
+from swarmctl.link.vehicle_clock import BootClock
+from swarmctl.link.vehicle_link import PERIOD_S, Backend
+
+
+class _Vehicle(Vehicle):
+    """A vehicle and MAVSDK's way to it."""
+
+    def __init__(self, sysid: int, direct: MavlinkDirect, now: float, clock: BootClock) -> None:
+        super().__init__(sysid, now, clock)
+        self.direct = direct
+
+
+class MavsdkLink(Backend[_Vehicle]):
+    """The vehicles of a swarm by MAVSDK; a context manager that closes its connections.
+
+    MAVSDK tells neither addresses nor sequence numbers, so two vehicles with the same system id
+    are told apart only by their hardware ids, and losses are not counted. Nor is a fence uploaded.
+
+    Args:
+        gcs_sysid: Our own system id.
+        vehicles: System ids that belong to the swarm; None for any.
+        speedup: Seconds of our time in a second of the computer's.
+    """
+
+    def __init__(
+        self, *, gcs_sysid: int, vehicles: Collection[int] | None, speedup: float = 1.0
+    ) -> None:
+        super().__init__(gcs_sysid)
+        self._speedup = speedup
+        self._expected = None if vehicles is None else frozenset(vehicles)
+        self._wake: Callable[[], object]
+        self._woken = False
+        self._inbox: deque[MavlinkMessage | None] = deque()  # None: a system is new
+        log_subscribe(lambda *_: True)  # it would print into the operator's console
+        settings = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+        settings.system_id = gcs_sysid
+        self._mavsdk = Mavsdk(settings)
+        self._mavsdk.subscribe_on_new_system(lambda _: self._put(None))
+
+    def connect(self, urls: Sequence[str], wake: Callable[[], object]) -> None:
+        """Open connections.
+
+        Args:
+            urls: See :func:`swarmctl.link.endpoints.url.parse_url`.
+            wake: Called on a thread of MAVSDK's when there is something in the inbox again.
+
+        Raises:
+            UsageError: A URL is none.
+            LinkError: MAVSDK cannot open one.
+        """
+        self._wake = wake
+        for url in map(parse_url, urls):
+            try:
+                # What is tcp:// to everybody else is tcpout:// to MAVSDK.
+                name = str(url).replace("tcp://", "tcpout://")
+                self._mavsdk.add_any_connection_with_handle(name)
+            except MavsdkConnectionError as error:
+                raise LinkError(
+                    f"MAVSDK cannot open {url} ({error}): is the port in use, is the device there?"
+                ) from error
+
+    def __enter__(self) -> MavsdkLink:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._mavsdk.destroy()
+
+    # --- In and out --------------------------------------------------------------------
+
+    def send(self, command: Command, now: float) -> None:
+        """See :class:`Backend`."""
+        if isinstance(command, UploadFence):
+            self._end(command, "refused", "no fence is uploaded by MAVSDK here", now)
+        else:
+            super().send(command, now)
+
+    def handle_timer(self, now: float) -> None:
+        """Take what came in, and do what is due."""
+        self._woken = False
+        while self._inbox:
+            message = self._inbox.popleft()
+            if message is None:
+                self._meet(now)
+            else:
+                self._hear(message, now)
+        super().handle_timer(now)
+
+    def next_timer(self) -> float:
+        """When :meth:`handle_timer` is due: at once if something has come in."""
+        return -math.inf if self._inbox else super().next_timer()
+
+    # --- What is heard -----------------------------------------------------------------
+
+    def _put(self, message: MavlinkMessage | None) -> None:
+        """On a thread of MAVSDK's."""
+        self._inbox.append(message)
+        if not self._woken:
+            self._woken = True
+            self._wake()
+
+    def _meet(self, now: float) -> None:
+        """Take up the systems that MAVSDK has found."""
+        for system in self._mavsdk.get_systems():
+            sysid = system.get_system_id()
+            if sysid in self._vehicles:
+                continue
+            if self._expected is not None and sysid not in self._expected:
+                detail = f"System id {sysid} is no vehicle of this mission: keep it off this port."
+                self._reject("unexpected_vehicle", detail, now)
+                continue
+            direct = MavlinkDirect(system)
+            self._vehicles[sysid] = _Vehicle(sysid, direct, now, BootClock(self._speedup))
+            self._begin(now)
+            for name in messages.MESSAGES:
+                direct.subscribe_message(name, lambda message, _: self._put(message))
+
+    def _hear(self, message: Any, now: float) -> None:  # noqa: ANN401 - untyped package
+        vehicle = self._vehicles.get(message.system_id)
+        if vehicle is None or message.component_id != AUTOPILOT_COMPONENT:
+            return
+        self.messages_in += 1
+        vehicle.statistics.count(vehicle.statistics.messages_in & 0xFF)
+        if vehicle.hear(now):
+            self.send(RequestVersion(sysid=vehicle.sysid), now)
+        fact = messages.read(message.message_name, message.fields_json, vehicle.sysid, now)
+        if isinstance(fact, Fault):
+            self._reject(fact.kind, f"{fact.detail}.", now)
+        elif fact is not None:
+            self._take(fact, vehicle, now)
+
+    def _has_asked(self, vehicle: _Vehicle, asked_ns: int, now: float) -> bool:
+        # MAVSDK may ask, too, by another clock: the future and the far past are not ours.
+        return now - PERIOD_S <= asked_ns / 1e9 <= now
+
+    # --- What is said ------------------------------------------------------------------
+
+    def _every_period(self, now: float) -> None:
+        for vehicle in self._vehicles.values():
+            # MAVSDK's own comes by the wall clock, which a simulation may outrun.
+            self._transmit(vehicle, "HEARTBEAT", messages.HEARTBEAT)
+            self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
+
+    def _set_point(self, goto: GoTo, vehicle: _Vehicle, now: float) -> bool:
+        name = "SET_POSITION_TARGET_GLOBAL_INT"
+        return self._transmit(vehicle, name, messages.setpoint(goto, now))
+
+    def _tell(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
+        sysid = vehicle.sysid
+        match packet:
+            case Attempt(command=DataStream() as stream):
+                wanted = messages.request_data_stream(sysid, stream)
+                self._transmit(vehicle, "REQUEST_DATA_STREAM", wanted)
+            case Attempt(command=CommandLong() as command):
+                fields = messages.command_long(sysid, command, packet.confirmation)
+                self._transmit(vehicle, "COMMAND_LONG", fields)
+            case ReadPacket():
+                asked = messages.param_request_read(sysid, packet.name)
+                self._transmit(vehicle, "PARAM_REQUEST_READ", asked)
+            case SetPacket():
+                setting = messages.param_set(sysid, packet.name, packet.raw, packet.kind)
+                self._transmit(vehicle, "PARAM_SET", setting)
+
+    @staticmethod
+    def _transmit(vehicle: _Vehicle, name: str, fields: str | None) -> bool:
+        """Whether there was a message to send and MAVSDK sent it."""
+        if fields is None:
+            return False
+        try:
+            vehicle.direct.send_message(MavlinkMessage(message_name=name, fields_json=fields))
+        except MavlinkDirectError:
+            return False
+        return True

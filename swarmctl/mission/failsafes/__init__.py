@@ -1,0 +1,1 @@
+"""What the vehicles do by themselves: parameters read, judged, set and restored."""

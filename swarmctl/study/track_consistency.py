@@ -1,0 +1,272 @@
+"""The live tracker on everything that white noise is not.
+
+The cases are :mod:`~swarmctl.study.track_cases`; :mod:`~swarmctl.study.track_runs` flies them.
+
+The bound is that of the right model (:mod:`~swarmctl.estimation.bounds.augmented_pcrb`): of
+receivers with these errors, and an emitter that does not manoeuvre.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarmctl.errors import UsageError
+from swarmctl.study.consistency import LOST_AT_S
+from swarmctl.study.executors import in_order
+from swarmctl.study.tally import (
+    BoundTally,
+    Figure,
+    Tally,
+    mean_of,
+    poisson_rate,
+    root_ratio,
+    share,
+)
+from swarmctl.study.track_cases import CASES, Case
+from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Flown, Tracked, fly_chunk
+
+CHUNK = 20
+"""Runs flown by a worker at once: some ten seconds."""
+_EPOCH_S = 8e-4
+"""What an epoch of the tracker and of the filters beside it costs on one core, s."""
+
+
+# --- Results ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Instant:
+    """One filter at one time.
+
+    Attributes:
+        time_s: Since the start.
+        rmse_m: Of the position.
+        bound_m: Of the right model.
+        ratio: RMSE over it.
+        nees: Mean position NEES.
+        inside_95: Share of runs with the truth inside the claimed 95 % ellipse.
+    """
+
+    time_s: float
+    rmse_m: float
+    bound_m: float
+    ratio: Figure
+    nees: Figure
+    inside_95: float
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Another figure that a case asks for.
+
+    Attributes:
+        name: What it is.
+        figure: With its interval.
+        greatest: What it is held to; None for nothing.
+    """
+
+    name: str
+    figure: Figure
+    greatest: float | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One filter in one case.
+
+    Attributes:
+        case: Its name.
+        filter: Its name.
+        runs: Flown.
+        instants: At the case's times.
+        lost: Tracks lost at 12 s.
+        measures: What else the case asks for.
+        shortfalls: Which targets were missed, as sentences; None if none are set for it.
+    """
+
+    case: str
+    filter: str
+    runs: int
+    instants: tuple[Instant, ...]
+    lost: int
+    measures: tuple[Measure, ...]
+    shortfalls: tuple[str, ...] | None
+
+
+# --- The study -------------------------------------------------------------------------
+
+
+def tracker(
+    *,
+    runs: int,
+    seed: int = 0,
+    cases: Sequence[str] = tuple(CASES),
+    executor: Executor | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Row]:
+    """Fly cases with the tracker and with every registered filter.
+
+    Args:
+        runs: Per case.
+        seed: Of all draws.
+        cases: Names in :data:`~swarmctl.study.track_cases.CASES`.
+        executor: Where; None for this process.
+        on_progress: Told how many runs are done, of how many.
+
+    Raises:
+        UsageError: A case is unknown, runs below 2, or the seed negative.
+        EstimationError: A filter failed.
+    """
+    unknown = [name for name in cases if name not in CASES]
+    if unknown:
+        raise UsageError(f"There is no case {unknown[0]!r}; there are {', '.join(CASES)}.")
+    if runs < 2:
+        raise UsageError(f"A study needs at least 2 runs, not {runs}.")
+    if seed < 0:
+        raise UsageError(f"A seed must be 0 or more, not {seed}.")
+    sizes = [min(CHUNK, runs - done) for done in range(0, runs, CHUNK)]
+    work = [(CASES[name], seed, chunk, size) for name in cases for chunk, size in enumerate(sizes)]
+    flown: list[Flown] = []
+    done = 0
+    for item, result in zip(work, in_order(executor, fly_chunk, work), strict=True):
+        flown.append(result)
+        done += item[-1]
+        on_progress(done, runs * len(cases))
+    rows: list[Row] = []
+    for index, name in enumerate(cases):
+        rows += _rows(name, CASES[name], flown[index * len(sizes) : (index + 1) * len(sizes)])
+    return rows
+
+
+def cost_s(cases: Sequence[str]) -> float:
+    """About how long one run of each takes on one core, s."""
+    flown = [CASES[name] for name in cases]
+    # Where there are echoes the tracker flies a second time without them.
+    epochs = sum(
+        case.times_s[-1] / case.period_s * (1 if case.echo_ratio is None else 2) for case in flown
+    )
+    return _EPOCH_S * epochs
+
+
+# --- Rows ------------------------------------------------------------------------------
+
+
+def _rows(name: str, case: Case, flown: Sequence[Flown]) -> list[Row]:
+    """The tracker's rows, then the filters'."""
+    bound = flown[0].bound
+    tallies = dict(flown[0].tallies)
+    for other in flown[1:]:
+        bound += other.bound
+        for candidate, tally in other.tallies.items():
+            tallies[candidate] += tally
+    tracked = {
+        label: Tracked.joined([part.tracked[label] for part in flown]) for label in flown[0].tracked
+    }
+    rows = []
+    for label, tracks in tracked.items():
+        tally = tracks.tally()
+        instants = _instants(case, tally, bound)
+        measures: tuple[Measure, ...] = ()
+        shortfalls = None
+        lost = _lost(case, tally)
+        if label == JUDGED:
+            clean = tracked.get(WITHOUT_ECHOES)
+            measures = (*_measures(case, tracks, clean),)
+            shortfalls = _shortfalls(case, instants, lost, measures)
+        rows.append(Row(name, label, tally.runs, instants, lost, measures, shortfalls))
+    for label, tally in tallies.items():
+        instants = _instants(case, tally, bound)
+        rows.append(Row(name, label, tally.runs, instants, _lost(case, tally), (), None))
+    return rows
+
+
+def _lost(case: Case, tally: Tally) -> int:
+    return int(tally.lost[case.times_s.index(LOST_AT_S)])
+
+
+def _instants(case: Case, tally: Tally, bound: BoundTally) -> tuple[Instant, ...]:
+    rmse, interval = tally.rmse, tally.rmse_interval
+    limit = bound.rmse
+    return tuple(
+        Instant(
+            time_s,
+            float(rmse[k]),
+            float(limit[k]),
+            Figure(*(float(v / limit[k]) for v in (rmse[k], *interval[k]))),
+            Figure(float(tally.mean_nees[k]), *map(float, tally.nees_interval[k])),
+            float(tally.coverage[k]),
+        )
+        for k, time_s in enumerate(case.times_s)
+    )
+
+
+def _measures(case: Case, tracks: Tracked, clean: Tracked | None) -> list[Measure]:
+    """What the case asks for besides the table, then what is of interest in all."""
+    measures = []
+    if clean is not None:
+        for k, time_s in enumerate(case.times_s):
+            squares, clean_squares = ((t.error[:, k, :2] ** 2).sum(-1) for t in (tracks, clean))
+            measures.append(
+                Measure(
+                    f"RMSE over that without echoes at {time_s:g} s",
+                    root_ratio(squares, clean_squares),
+                    case.echo_ratio,
+                )
+            )
+    if case.first is not None:
+        latest_s, greatest = case.first
+        # One that never comes is later than any.
+        last = float(np.nan_to_num(tracks.first_s, nan=math.inf).max())
+        measures.append(Measure("latest first estimate (s)", Figure(last, last, last), latest_s))
+        measures.append(
+            Measure("mean NEES of the first estimate", mean_of(tracks.first_nees), greatest)
+        )
+    if case.sides:
+        silent = float(tracks.silent.any(1).sum())
+        measures.append(Measure("silently wrong", Figure(silent, silent, silent), 0.0))
+        for k, time_s in enumerate(case.times_s):
+            resolved = share(int(tracks.resolved[:, k].sum()), len(tracks.resolved))
+            measures.append(Measure(f"share resolved at {time_s:g} s", resolved, None))
+    measures.append(Measure("share of the RDs set aside", mean_of(tracks.aside), None))
+    hours = len(tracks.degraded) * case.times_s[-1] / 3600.0
+    measures.append(
+        Measure("degraded, times an hour", poisson_rate(int(tracks.degraded.sum()), hours), None)
+    )
+    return measures
+
+
+def _shortfalls(
+    case: Case, instants: Sequence[Instant], lost: int, measures: Sequence[Measure]
+) -> tuple[str, ...]:
+    """Targets the confidence intervals do not reach, as sentences.
+
+    Where the side is unknown, to be on the wrong one is no fault if that is said.
+    """
+    missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost and not case.sides else []
+    at = {instant.time_s: instant for instant in instants}
+    for target in case.targets:
+        for instant in (at[time_s] for time_s in target.times_s):
+            if target.ratio is not None and not instant.ratio.low <= target.ratio:
+                missed.append(
+                    f"RMSE / bound at least {instant.ratio.low:.2f} at {instant.time_s:g} s,"
+                    f" above {target.ratio:g}"
+                )
+            if target.nees is None:
+                continue
+            low, high = target.nees
+            if not (instant.nees.low <= high and instant.nees.high >= low):
+                missed.append(
+                    f"NEES {instant.nees.low:.2f}-{instant.nees.high:.2f} at"
+                    f" {instant.time_s:g} s, outside {low:g}-{high:g}"
+                )
+    for measure in measures:
+        if measure.greatest is not None and not measure.figure.low <= measure.greatest:
+            missed.append(
+                f"{measure.name} at least {measure.figure.low:.2f}, above {measure.greatest:g}"
+            )
+    return tuple(missed)
