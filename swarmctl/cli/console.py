@@ -13,7 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.events import Notice
+from swarmctl.decisions import Notice
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.snapshot import Snapshot, VehicleSnapshot

@@ -17,22 +17,17 @@ from typing import Literal
 
 import numpy as np
 
+from swarmctl.commands import Command
+from swarmctl.decisions import Decision, HealthChanged, MissionEnded, Notice, PhaseChanged, Plan
 from swarmctl.estimation.integrity.health import sentence
 from swarmctl.events import (
     ArrivalTime,
-    Command,
     CommandOutcome,
-    Decision,
     FeedConnection,
-    HealthChanged,
     InputRejected,
     LinkConnection,
-    MissionEnded,
-    Notice,
     Observation,
     OperatorRequest,
-    PhaseChanged,
-    Plan,
     RangeDifferences,
     StatusText,
     VehicleObservation,

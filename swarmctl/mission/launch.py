@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from swarmctl.events import (
-    Arm,
-    Command,
-    CommandOutcome,
-    GoTo,
-    Mode,
-    SetMode,
-    TakeOff,
-    VehiclePosition,
-)
+from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
+from swarmctl.events import CommandOutcome, Mode, VehiclePosition
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.loss_detection import Failure, Watch
 

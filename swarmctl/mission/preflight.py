@@ -7,14 +7,8 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.events import (
-    Command,
-    CommandOutcome,
-    RequestHome,
-    RequestVersion,
-    StreamTelemetry,
-    UploadFence,
-)
+from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTelemetry, UploadFence
+from swarmctl.events import CommandOutcome
 from swarmctl.formation.separation import least_distances
 from swarmctl.mission.failsafes.session import Settings
 from swarmctl.mission.filter_settings import expected_enu

@@ -14,8 +14,8 @@ from pathlib import Path
 from sim.noise import generator
 from sim.radio_channel import Channel, Impairments
 from sim.world import World
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.mission.mission_file_loading import load_mission

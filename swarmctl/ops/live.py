@@ -14,8 +14,8 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.link.codec.messages import Address

@@ -13,14 +13,13 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
+from swarmctl.commands import Inquiry
+from swarmctl.decisions import Estimate, Notice
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.events import (
     EmitterTruth,
-    Estimate,
     FeedConnection,
-    Inquiry,
     LinkConnection,
-    Notice,
     Observation,
     OperatorRequest,
     ReceiverTruth,
@@ -40,6 +39,7 @@ from swarmctl.link.vehicle_link import Backend
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
+from swarmctl.units import CHI2_95_2DOF
 
 ESTIMATE_PERIOD_S = 0.5
 """The estimate is published at most this often, station's s."""
@@ -53,10 +53,6 @@ class Recorder(Protocol):
 
     def frame(self, raw: bytes, utc_s: float) -> None:
         """Keep a MAVLink frame."""
-
-
-CHI2_95_2DOF = 5.991464547107979
-"""95 % quantile of chi-squared with two degrees of freedom: scales 1-sigma axes to 95 %."""
 
 
 class Station:

@@ -13,28 +13,31 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.events import (
-    ArrivalTime,
+from swarmctl.decisions import (
     Decision,
-    EmitterTruth,
     Estimate,
     HealthChanged,
     MissionEnded,
-    Observation,
     PhaseChanged,
     Plan,
-    RangeDifferences,
     ReceiverEstimate,
+)
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.events import (
+    ArrivalTime,
+    EmitterTruth,
+    Observation,
+    RangeDifferences,
     ReceiverTruth,
     Record,
     VehiclePosition,
 )
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
 from swarmctl.recorder.distances import Distances
 from swarmctl.recorder.estimate_accuracy import Accuracy, Outcome
 from swarmctl.recorder.plot_series import Extremes, FlightSeries, Series
 from swarmctl.recorder.truth import MAX_EXTRAPOLATION_S, TruthTrack
+from swarmctl.units import Vector
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,6 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import (
     effective_relative_covariance,
     jacobian,
@@ -53,6 +52,7 @@ from swarmctl.study.paper_information import (
     optimal_increment,
     robust_increment,
 )
+from swarmctl.units import Array
 
 _PER_DECADE = 6
 _DRAWS = 100_000

@@ -24,7 +24,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.kernels import ekf as extended
 from swarmctl.estimation.kernels import ncrkf as consistent
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity, Motion
@@ -33,6 +33,7 @@ from swarmctl.estimation.model.range_difference import (
     effective_relative_covariance,
 )
 from swarmctl.study import paper_filters as paper
+from swarmctl.units import Array, Mask
 
 
 class Prior(NamedTuple):

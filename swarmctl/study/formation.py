@@ -19,11 +19,11 @@ import numpy as np
 import yaml
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.study.executors import in_order
+from swarmctl.units import Array
 
 DESIGNS = ("uniform", "paper", "optimal")
 COMPANIONS = (3, 4, 6)

@@ -16,8 +16,8 @@ from typing import TypeVar
 import numpy as np
 
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.study.filters import Filter, ekf, iterated_ekf, ncrkf, okf
+from swarmctl.units import Array
 
 _T = TypeVar("_T")
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import (
     effective_relative_covariance,
     jacobian,
@@ -22,6 +21,7 @@ from swarmctl.study.campaign import Campaign, FormationResult, run
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.starts import DrawnEstimate
 from swarmctl.study.tally import Tally
+from swarmctl.units import Array
 
 TIMES_S = (1.0, 4.0, 8.0, 12.0, 16.0)
 """Rows of the summary, s."""

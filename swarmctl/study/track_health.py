@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import star
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
@@ -29,6 +28,7 @@ from swarmctl.study.receivers import Receivers, Reception
 from swarmctl.study.starts import DrawnEstimate, fixed_frame
 from swarmctl.study.tally import Figure, poisson_rate, share
 from swarmctl.study.track_cases import MANOEUVRE
+from swarmctl.units import Array
 
 CHUNK = 20
 """Runs flown by a worker at once."""

@@ -15,7 +15,6 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.estimation.kernels.augmented import star
@@ -30,6 +29,7 @@ from swarmctl.study.receivers import Heard, Reception, scan_of
 from swarmctl.study.starts import Draw, fixed_frame
 from swarmctl.study.tally import LOST_NEES, BoundTally, Tally
 from swarmctl.study.track_cases import MANOEUVRE, Case
+from swarmctl.units import Array, Mask
 
 JUDGED = "tracker"
 """The row that targets are set for."""

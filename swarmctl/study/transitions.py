@@ -23,13 +23,13 @@ from sim.config import VehicleLimits
 from sim.dynamics import Command, State, step
 from sim.noise import GaussMarkov, Normals, generator
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import OBSERVING, Phase
 from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.target import Target
 from swarmctl.study.executors import in_order
+from swarmctl.units import Array
 
 COMPANIONS = range(3, 13)
 EVENTS = ("jump", "near", "turn", "unsure", "companion lost", "reference lost")

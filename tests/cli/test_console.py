@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from swarmctl.cli.console import Reporter, headless_line, print_summary, render
-from swarmctl.events import Notice
+from swarmctl.decisions import Notice
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.snapshot import EstimateSnapshot, Snapshot, VehicleSnapshot
 from tests.missions import short_mission_text

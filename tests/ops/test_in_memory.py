@@ -13,8 +13,9 @@ from mcap.reader import make_reader
 from sim.radio_channel import Channel
 from sim.receivers import Receivers
 from sim.world import World
+from swarmctl.decisions import Estimate, Notice
 from swarmctl.errors import UsageError
-from swarmctl.events import Estimate, Notice, ReceiverTruth, Record
+from swarmctl.events import ReceiverTruth, Record
 from swarmctl.link.codec.messages import Address
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.phases import Phase

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from swarmctl.decisions import Notice
 from swarmctl.errors import UsageError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.ops.live import fly, station_addresses

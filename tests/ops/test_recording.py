@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from swarmctl.decisions import PhaseChanged
 from swarmctl.errors import UsageError
-from swarmctl.events import PhaseChanged
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.station import Station

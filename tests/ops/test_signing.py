@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import Notice
+from swarmctl.decisions import Notice
 from swarmctl.link.signing import timestamp_at
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.in_memory import UTC_START_S as UTC_S

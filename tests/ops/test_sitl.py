@@ -17,8 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.sitl_receivers import Listening
 from sim.world import World
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import open_udp
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission

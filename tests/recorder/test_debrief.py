@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 import pytest
 
-from swarmctl import events
+from swarmctl import decisions, events
 from swarmctl.events import Record
 from swarmctl.recorder.debrief import Debrief
 from tests.recorder import flight as made_up
@@ -28,11 +28,11 @@ def debrief(*records: Record) -> dict[str, object]:
 
 
 def phase(t: float, name: str) -> Record:
-    return events.PhaseChanged(at_s=START_S + t, phase=name, trigger="-", reason="-")
+    return decisions.PhaseChanged(at_s=START_S + t, phase=name, trigger="-", reason="-")
 
 
 def health(t: float, status: Literal["initialising", "tracking", "degraded"]) -> Record:
-    return events.HealthChanged(at_s=START_S + t, status=status, cause=None, detail="-")
+    return decisions.HealthChanged(at_s=START_S + t, status=status, cause=None, detail="-")
 
 
 def plan(
@@ -45,7 +45,7 @@ def plan(
     joined: bool = True,
 ) -> Record:
     slots = tuple(
-        events.Slot(
+        decisions.Slot(
             sysid=sysid,
             position_enu=(0.0, 0.0, 0.0),
             velocity_enu=(0.0, 0.0, 0.0),
@@ -55,7 +55,7 @@ def plan(
         )
         for sysid, error in errors.items()
     )
-    return events.Plan(
+    return decisions.Plan(
         at_s=START_S + t, reference=reference, los_rad=0.0, formed=formed, slots=slots
     )
 
@@ -64,7 +64,7 @@ def estimate(t: float, east: float, north: float, sigma: float) -> Record:
     covariance = [0.0] * 36
     for k in range(6):
         covariance[7 * k] = sigma**2
-    return events.Estimate(
+    return decisions.Estimate(
         at_s=START_S + t,
         epoch_utc_s=UTC_S + t,
         position_enu=(east, north, 0.0),
@@ -111,8 +111,8 @@ def test_a_flight_that_has_not_begun() -> None:
 def test_how_it_ended_and_how_long_it_took() -> None:
     summary = debrief(
         phase(0.0, "waiting"),
-        events.MissionEnded(at_s=START_S + 321.5, result="located", detail="Within 3 m."),
-        events.Notice(at_s=START_S + 322.0, level="info", text="Afterwards."),
+        decisions.MissionEnded(at_s=START_S + 321.5, result="located", detail="Within 3 m."),
+        decisions.Notice(at_s=START_S + 322.0, level="info", text="Afterwards."),
     )
     assert (summary["result"], summary["detail"]) == ("located", "Within 3 m.")
     assert summary["duration_s"] == pytest.approx(321.5)

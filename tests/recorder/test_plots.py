@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
-from swarmctl.events import EmitterTruth, Estimate, Plan, Record, VehiclePosition
+from swarmctl.decisions import Estimate, Plan
+from swarmctl.events import EmitterTruth, Record, VehiclePosition
 from swarmctl.recorder import plots
 from swarmctl.recorder.debrief import Debrief
 from tests.recorder import flight as made_up

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.pcrb import pcrb
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity, transition
 from swarmctl.estimation.model.range_difference import effective_relative_covariance, jacobian
@@ -32,6 +31,7 @@ from swarmctl.study.starts import (
     table_1_covariance,
 )
 from swarmctl.study.tally import BoundTally, Tally
+from swarmctl.units import Array
 
 FORMATIONS = registry.formations()
 SHORT = Engagement(duration_s=0.1, rho=0.5)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.estimation.kernels import ekf as extended
 from swarmctl.estimation.kernels import ncrkf as consistent
@@ -37,6 +36,7 @@ from swarmctl.study.filters import (
     ncrkf,
     okf,
 )
+from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
 STATES: tuple[State, ...] = ("absolute", "relative", "accelerated")

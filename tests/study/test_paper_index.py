@@ -20,7 +20,6 @@ from swarmctl.formation.requirements import Noise
 from swarmctl.study import paper_filters as paper
 from swarmctl.study import paper_index
 from swarmctl.study.paper_index import (
-    Array,
     exact_correlated,
     exact_correlated_unknown_range,
     exact_independent,
@@ -33,6 +32,7 @@ from swarmctl.study.paper_index import (
     perpendicular_limit_by_pairs,
     tangent_variance,
 )
+from swarmctl.units import Array
 
 RANGE = 5000.0
 D = 300.0

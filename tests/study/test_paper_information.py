@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.motion import ConstantAcceleration
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
 from swarmctl.study import paper_filters as paper
 from swarmctl.study import paper_information as information
+from swarmctl.units import Array
 
 
 class Geometry(NamedTuple):

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.study import plots as figures
 from swarmctl.study import registry
 from swarmctl.study.campaign import Campaign, FormationResult
@@ -22,6 +21,7 @@ from swarmctl.study.engagement import Engagement
 from swarmctl.study.starts import DrawnEstimate
 from swarmctl.study.table1 import TIMES_S, Scene, Table1, table1, write
 from swarmctl.study.tally import BoundTally, Tally
+from swarmctl.units import Array
 
 RUNS = 20
 FORMATIONS = ("perpendicular", "uniform", "mine")

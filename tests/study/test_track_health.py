@@ -9,12 +9,12 @@ import pytest
 from scipy import stats
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.study import track_health as study
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.receivers import Receivers
 from swarmctl.study.registry import formations
 from swarmctl.study.track_health import FAULTS, FROM_S, GOOD, WITHIN_S, health
+from swarmctl.units import Array
 
 RUNS = 5
 RISK = 1e-4

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 BELIEVED = 0.99
 """Probability from which a manoeuvre is taken for a fact: chance alone brings it above one half now
