@@ -226,15 +226,16 @@ class Station:
 
     def counts(self) -> dict[str, int]:
         """What went in and out, for the summary."""
+        counts = self.controller.observer.counts
         return {
             "mavlink_messages_in": self.link.messages_in,
             "setpoints_out": self.link.setpoints_out,
             "setpoints_dropped": self.link.setpoints_dropped,
             "mavlink_rejected": sum(self.link.rejected.values()),
             "feed_rejected": sum(self.intake.rejected.values()),
-            "rd_dropped": self.controller.observer.dropped,
-            "rd_aside": self.controller.observer.aside,
-            "rd_repeated": self.controller.observer.repeated,
+            "rd_dropped": counts.dropped,
+            "rd_aside": counts.aside,
+            "rd_repeated": counts.repeated,
         }
 
     def _truths(
