@@ -70,7 +70,7 @@ class Cell:
     of_best_95: tuple[float, float]
 
 
-def formation(
+def run_formation(
     *,
     runs: int = 100,
     seed: int = 0,
@@ -102,7 +102,7 @@ def formation(
     work = [(design, n, seed + k) for n in companions for design in designs for k in range(runs)]
     flights: dict[tuple[str, int], list[Flight]] = {}
     for done, ((design, n, _), flight) in enumerate(
-        zip(work, in_order(executor, fly, work), strict=True), start=1
+        zip(work, in_order(executor, fly_mission, work), strict=True), start=1
     ):
         flights.setdefault((design, n), []).append(flight)
         on_progress(done, len(work))
@@ -114,7 +114,7 @@ def formation(
     ]
 
 
-def fly(work: tuple[str, int, int]) -> Flight:
+def fly_mission(work: tuple[str, int, int]) -> Flight:
     """Fly one mission: a design's name, the number of companions, a seed."""
     design, companions, seed = work
     with tempfile.TemporaryDirectory() as folder:
