@@ -121,10 +121,9 @@ def fly_mission(work: tuple[str, int, int]) -> Flight:
         path = Path(folder) / "mission.yaml"
         path.write_text(mission_text(design, companions))
         summary = fly_in_memory(path, seed=seed, snapshot_every_s=LOOK_EVERY_S, until=_is_over)
-    converged, error = summary["converged_s"], summary["final_error_m"]
-    if not isinstance(converged, float) or not isinstance(error, float):
+    if summary.converged_s is None or summary.final_error_m is None:
         return Flight(np.inf, np.inf)
-    return Flight(converged, error)
+    return Flight(summary.converged_s, summary.final_error_m)
 
 
 def mission_text(design: str, companions: int) -> str:
