@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from swarmctl.events import Mode
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.loss_detection import Failure
 
 RESUME_S = 5.0
 """A vehicle that left guided mode on a failsafe it comes back from by itself has this long."""
