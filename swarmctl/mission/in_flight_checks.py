@@ -9,6 +9,7 @@ from swarmctl.mission.fleet import Fleet
 from swarmctl.mission.loss_detection import LossDetection
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
+from swarmctl.results import MissionResult
 
 BROKEN_PLAN_S = 5.0
 """A plan that would break a limit for this long ends the mission."""
@@ -47,14 +48,14 @@ class InFlightChecks:
             if not vehicle.is_armed:
                 if all_up:
                     return Failure(
-                        "vehicle_lost",
+                        MissionResult.VEHICLE_LOST,
                         f"vehicle {vehicle.sysid} disarmed in flight",
                         vehicle.sysid,
                     )
                 continue
             if self._losses.is_lost(vehicle, now):
                 return Failure(
-                    "vehicle_lost",
+                    MissionResult.VEHICLE_LOST,
                     f"vehicle {vehicle.sysid} has been silent for {vehicle.silence_s(now):.0f} s",
                     vehicle.sysid,
                 )
@@ -62,7 +63,7 @@ class InFlightChecks:
             reserve = self._mission.limits.battery_reserve
             if battery is not None and battery < reserve:
                 return Failure(
-                    "low_battery",
+                    MissionResult.LOW_BATTERY,
                     f"the battery of vehicle {vehicle.sysid} is at {battery:.0%}, below the"
                     f" reserve of {reserve:.0%}",
                 )
@@ -93,17 +94,19 @@ class InFlightChecks:
         feed = self._mission.feed
         if now - heard > feed.timeout_s + self._hiccup_s:
             return Failure(
-                "feed_silent",
+                MissionResult.FEED_SILENT,
                 f"no usable range difference came from {feed.broker} for {feed.timeout_s:g} s:"
                 " check the receivers and the broker",
             )
         if not plan_broken or self._good_plan_s is None:
             self._good_plan_s = now
         elif now - self._good_plan_s > BROKEN_PLAN_S:
-            return Failure("plan_rejected", "no plan within the mission's limits can be found")
+            return Failure(
+                MissionResult.PLAN_REJECTED, "no plan within the mission's limits can be found"
+            )
         if now - started_s > self._mission.goal.time_limit_s:
             return Failure(
-                "not_located",
+                MissionResult.NOT_LOCATED,
                 f"the emitter is not located to {self._mission.goal.sigma_m:g} m (1 sigma) within"
                 f" goal.time_limit_s = {self._mission.goal.time_limit_s:g} s",
             )

@@ -13,6 +13,7 @@ from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
 from swarmctl.mission.planner import Planner
 from swarmctl.mission.target import Target
+from swarmctl.results import MissionResult
 
 
 class LostVehicles:
@@ -59,7 +60,7 @@ class LostVehicles:
         """
         left = len(self._planner.companions) - 1
         if (
-            failure.result != "vehicle_lost"
+            failure.result is not MissionResult.VEHICLE_LOST
             or failure.sysid is None
             or phase not in FLYING_FORMATION
             or left < self._mission.formation.min_companions
