@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
 import msgspec
 import numpy as np
@@ -43,6 +43,19 @@ from swarmctl.units import CHI2_95_2DOF
 
 ESTIMATE_PERIOD_S = 0.5
 """The estimate is published at most this often, station's s."""
+
+
+class TrafficCounts(TypedDict):
+    """What went in and out of a station; the meanings are those of ``FlightSummary``."""
+
+    mavlink_messages_in: int
+    mavlink_rejected: int
+    setpoints_out: int
+    setpoints_dropped: int
+    feed_rejected: int
+    rd_dropped: int
+    rd_aside: int
+    rd_repeated: int
 
 
 class Recorder(Protocol):
@@ -224,7 +237,7 @@ class Station:
         """The mission at this instant."""
         return take_snapshot(self.controller, now)
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> TrafficCounts:
         """What went in and out, for the summary."""
         return {
             "mavlink_messages_in": self.link.messages_in,
