@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 
 from swarmctl.events import Record
+from swarmctl.results import MissionResult
 from swarmctl.units import Vector
 
 
@@ -153,9 +154,9 @@ class MissionEnded(Decision, frozen=True):
     """The flight is over.
 
     Attributes:
-        result: ``located`` or the name of what went wrong.
+        result: How it ended.
         detail: One sentence.
     """
 
-    result: str
+    result: MissionResult
     detail: str

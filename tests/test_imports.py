@@ -15,6 +15,7 @@ COMMON = {
     "swarmctl.errors",
     "swarmctl.events",
     "swarmctl.frames",
+    "swarmctl.results",
     "swarmctl.units",
 }
 ALLOWED: dict[str, set[str]] = {
@@ -45,6 +46,7 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.mission",
         "swarmctl.ops",
         "swarmctl.datasets",
+        "swarmctl.recorder.summary",
         "swarmctl.study",
     },
     "sim": {"swarmctl.errors", "swarmctl.frames", "swarmctl.feed.schema", "swarmctl.units"},
@@ -57,7 +59,7 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.ops",
         "swarmctl.units",
     },
-    "missions": {"swarmctl.ops", "swarmctl.mission"},
+    "missions": {"swarmctl"},
 }
 """What of this project each room may import, besides itself; a room inside a room has its own."""
 

@@ -25,6 +25,7 @@ from swarmctl.ops.signing import signing_key
 from swarmctl.ops.simulation import sim_config, simulation_section
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
+from swarmctl.recorder.summary import FlightSummary
 
 STEP_S = 0.02
 """Bytes are exchanged this often, virtual s: the delay of the in-memory links."""
@@ -46,7 +47,7 @@ def fly_in_memory(
     snapshot_every_s: float = 10.0,
     until: Callable[[Snapshot], bool] | None = None,
     impairments: Impairments = PERFECT,
-) -> dict[str, object]:
+) -> FlightSummary:
     """Fly a mission against simulated vehicles on a virtual clock.
 
     Args:

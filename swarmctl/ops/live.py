@@ -24,6 +24,7 @@ from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
 from swarmctl.ops.transports import EndpointTransport, MavsdkTransport, Transport
 from swarmctl.ops.vehicle_links import mavsdk_link, native_link, station_addresses
+from swarmctl.recorder.summary import FlightSummary
 
 HICCUP_S = 1.0
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
@@ -52,7 +53,7 @@ async def fly(
     on_snapshot: Callable[[Snapshot], None] | None = None,
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 1.0,
-) -> dict[str, object]:
+) -> FlightSummary:
     """Fly a mission with whatever vehicles answer on its link.
 
     Ctrl-C (SIGINT or SIGTERM) brings the swarm home; a second one leaves at once.

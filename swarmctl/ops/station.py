@@ -6,7 +6,7 @@ Both shells drive it, the asyncio one (:mod:`swarmctl.ops.live`) and the one on 
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, TypedDict
 
 from swarmctl.commands import Inquiry
 from swarmctl.decisions import Estimate, Notice
@@ -24,6 +24,19 @@ from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
 from swarmctl.ops.estimate_publication import EstimatePublication
+
+
+class TrafficCounts(TypedDict):
+    """What went in and out of a station; the meanings are those of ``FlightSummary``."""
+
+    mavlink_messages_in: int
+    mavlink_rejected: int
+    setpoints_out: int
+    setpoints_dropped: int
+    feed_rejected: int
+    rd_dropped: int
+    rd_aside: int
+    rd_repeated: int
 
 
 class Recorder(Protocol):
@@ -157,7 +170,7 @@ class Station:
         """The mission at this instant."""
         return take_snapshot(self.controller, now)
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> TrafficCounts:
         """What went in and out, for the summary."""
         return {
             "mavlink_messages_in": self.link.messages_in,

@@ -87,7 +87,7 @@ class FormationResult:
         self.ca_bound += other.ca_bound
 
 
-def run(
+def run_campaign(
     campaign: Campaign,
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,

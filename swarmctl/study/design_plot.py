@@ -19,7 +19,7 @@ _STEPS = 121
 """Angles per axis of the maps."""
 
 
-def write_design(report: DesignReport, requirements: Requirements, path: Path) -> None:
+def draw_design(report: DesignReport, requirements: Requirements, path: Path) -> None:
     """Draw a design's slots and, like the paper's Fig. 2, information against two angles.
 
     The first two companions go round the reference UAV at d_max, the others stay in their

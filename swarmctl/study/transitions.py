@@ -95,7 +95,7 @@ class Transitions:
     worst_seed: int
 
 
-def transitions(
+def run_transitions(
     *,
     count: int = 1000,
     seed: int = 0,
@@ -117,7 +117,7 @@ def transitions(
         raise UsageError(f"There must be at least 1 transition, not {count}.")
     seeds = range(seed, seed + math.ceil(count / PER_FLIGHT))
     flown = []
-    for done, flight in enumerate(in_order(executor, fly, seeds), start=1):
+    for done, flight in enumerate(in_order(executor, fly_transitions, seeds), start=1):
         flown.append(flight)
         on_progress(done, len(seeds))
     limits = mission(COMPANIONS[0], 0, level=False).limits
@@ -153,7 +153,7 @@ def mission(companions: int, reference: int, *, level: bool) -> Mission:
     return parse_mission(yaml.safe_dump(raw))
 
 
-def fly(seed: int) -> Flown:
+def fly_transitions(seed: int) -> Flown:
     """Fly one seed's transitions, in an order of its own."""
     flight = _Flight(seed)
     flight.form_up()

@@ -51,7 +51,7 @@ async def flight(
     )
     yield
     summary = await flying
-    assert summary["result"] == "vehicle_silent"
+    assert summary.result == "vehicle_silent"
 
 
 async def test_vehicles_by_udp_and_tcp_and_a_station_that_listens_in(

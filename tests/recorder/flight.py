@@ -17,6 +17,7 @@ from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.events import Record
 from swarmctl.frames import LocalFrame
 from swarmctl.recorder.debrief import DebriefSettings
+from swarmctl.results import MissionResult
 from swarmctl.units import Vector
 
 FRAME = LocalFrame(math.radians(47.42), math.radians(9.38), 40.0)
@@ -203,4 +204,6 @@ def _records() -> Iterator[Record]:
                 )  # fmt: skip
             if t >= 30.3:
                 yield estimate_record(round(10.0 * (t - 0.2)) / 10.0, random)
-    yield decisions.MissionEnded(at_s=END_S, result="located", detail="Located within 3 m.")
+    yield decisions.MissionEnded(
+        at_s=END_S, result=MissionResult.LOCATED, detail="Located within 3 m."
+    )

@@ -9,6 +9,7 @@ import msgspec
 
 from swarmctl import commands, decisions, events
 from swarmctl.events import Record
+from swarmctl.results import MissionResult
 
 R = TypeVar("R", bound=Record)
 
@@ -110,7 +111,7 @@ ONE_OF_EACH: tuple[Record, ...] = (
         ),
     ),
     decisions.Notice(at_s=1.0, level="warning", text="A sentence."),
-    decisions.MissionEnded(at_s=1.0, result="located", detail="Within 3 m."),
+    decisions.MissionEnded(at_s=1.0, result=MissionResult.LOCATED, detail="Within 3 m."),
 )  # fmt: skip
 
 
