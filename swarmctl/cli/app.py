@@ -229,9 +229,7 @@ def sim(
     )
 
     if listen is not None and not receivers_only:
-        raise UsageError(
-            "--listen goes with --receivers-only: other vehicles are not heard."
-        )
+        raise UsageError("--listen goes with --receivers-only: other vehicles are not heard.")
     if with_parent:
         # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -16,7 +16,7 @@ from rich.table import Table
 from swarmctl.errors import UsageError
 
 if TYPE_CHECKING:
-    from swarmctl.formation.report import DesignReport
+    from swarmctl.formation.design_report import DesignReport
 
 
 class ObjectiveName(StrEnum):
@@ -60,7 +60,7 @@ def design(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show where the companions should stand, and what that is worth."""
-    from swarmctl.formation.report import objective_named, report  # noqa: PLC0415 - loads scipy
+    from swarmctl.formation.design_report import objective_named, report  # noqa: PLC0415 - loads scipy
     from swarmctl.formation.requirements import Noise, Requirements  # noqa: PLC0415
 
     requirements = Requirements(

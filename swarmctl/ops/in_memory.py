@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from sim.noise import generator
-from sim.radio_channel import Channel, Impairments
+from sim.radio_channel import Impairments, RadioChannel
 from sim.world import World
 from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError
@@ -69,8 +69,8 @@ def fly_in_memory(
     seed = simulation_section(mission).seed if seed is None else seed
     began = time.perf_counter()
     world = World(sim_config(mission, seed, UTC_START_S))
-    down: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "downlink"))
-    up: Channel[tuple[int, bytes]] = Channel(impairments, generator(seed, "uplink"))
+    down: RadioChannel[tuple[int, bytes]] = RadioChannel(impairments, generator(seed, "downlink"))
+    up: RadioChannel[tuple[int, bytes]] = RadioChannel(impairments, generator(seed, "uplink"))
     key = signing_key(mission)
     # On a virtual clock no timestamp is used twice by chance: none is kept.
     signing = Signing(key, timestamp_at(UTC_START_S), UTC_START_S) if key is not None else None

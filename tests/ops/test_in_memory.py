@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from sim.radio_channel import Channel
+from sim.radio_channel import RadioChannel
 from sim.receivers import Receivers
 from sim.world import World
 from swarmctl.decisions import Estimate, Notice
@@ -235,7 +235,7 @@ def test_a_vehicle_that_dies_in_flight_brings_the_others_home(short_mission: Sho
     assert "vehicle 2 has been silent" in str(summary.detail)
 
 
-class Exchanged(Channel[tuple[int, bytes]]):
+class Exchanged(RadioChannel[tuple[int, bytes]]):
     """From 70 s on vehicle 3 is off the air, and from 73 s on another one has its system id."""
 
     def send(self, item: tuple[int, bytes], now_s: float) -> None:
@@ -252,7 +252,7 @@ class Exchanged(Channel[tuple[int, bytes]]):
 def test_an_id_that_changes_its_hardware_id_in_flight_is_named_and_done_without(
     short_mission: Short, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(in_memory, "Channel", Exchanged)
+    monkeypatch.setattr(in_memory, "RadioChannel", Exchanged)
     said: list[Notice] = []
     summary = fly_in_memory(short_mission(), on_notice=said.append)
     texts = [notice.text for notice in said]

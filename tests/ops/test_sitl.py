@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.sitl_receivers import Listening
+from sim.sitl_receivers import SitlReceivers
 from sim.world import World
 from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
@@ -91,7 +91,7 @@ def test_receivers_that_only_listen_are_all_a_mission_needs(autopilot: str, publ
         )
     )
     config = replace(config, vehicles=unequal)
-    world, listening = World(config), Listening(config, speedup=5.0)
+    world, listening = World(config), SitlReceivers(config, speedup=5.0)
     station = Station(mission, 0.0, UTC0, None, stations=[ear], speedup=5.0)
     steps = 0
     while not station.ended:
