@@ -146,7 +146,7 @@ if not TYPE_CHECKING:  # a type checker would take it for a module with any attr
     def __getattr__(name: str) -> object:
         for module, names in _HOMES.items():
             if name in names:
-                value = getattr(import_module(module), "Estimator" if name == "Track" else name)
+                value = getattr(import_module(module), name)
                 globals()[name] = value
                 return value
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
