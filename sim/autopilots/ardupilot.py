@@ -19,7 +19,8 @@ from sim.autopilots.ardupilot_modes import (
     landing,
 )
 from sim.autopilots.ardupilot_parameters import parameters
-from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.autopilot import Autopilot
+from sim.autopilots.command_handler import Request
 from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import FlyAcceleration, FlyTo, FlyVelocity, Task
 from sim.autopilots.geofence import Fence
@@ -255,4 +256,4 @@ class ArduPilot(Autopilot):
         for group, message_ids in message_intervals.STREAM_GROUPS.items():
             if everything or group == message.req_stream_id:
                 for message_id in message_ids:
-                    self._streams.set_interval(message_id, interval_us, now_s)
+                    self._intervals.set_interval(message_id, interval_us, now_s)

@@ -6,7 +6,8 @@ import math
 from typing import ClassVar
 
 from sim.autopilots import boot_sequence, message_intervals, px4_setpoints, telemetry
-from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.autopilot import Autopilot
+from sim.autopilots.command_handler import Request
 from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import FlyAxes, Hold, Task
 from sim.autopilots.geofence import Fence
