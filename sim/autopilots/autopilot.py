@@ -68,15 +68,15 @@ class Autopilot(CommandHandler):
             dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._parameters.on_request_list,
             dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._parameters.on_request_read,
             dialect.MAVLINK_MSG_ID_PARAM_SET: self._parameters.on_set,
-            dialect.MAVLINK_MSG_ID_MISSION_COUNT: self._plans.on_count,
-            dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: self._plans.on_item,
-            dialect.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: lambda m, _: self._plans.on_request_list(
+            dialect.MAVLINK_MSG_ID_MISSION_COUNT: self._uploads.on_count,
+            dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: self._uploads.on_item,
+            dialect.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: lambda m, _: self._uploads.on_request_list(
                 m
             ),
             dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT: self._on_mission_request,
             dialect.MAVLINK_MSG_ID_MISSION_REQUEST: self._on_mission_request,
             dialect.MAVLINK_MSG_ID_MISSION_SET_CURRENT: lambda m, _: self._on_set_current(m),
-            dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: lambda m, _: self._plans.on_clear_all(m),
+            dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: lambda m, _: self._uploads.on_clear_all(m),
         }
 
     # --- Bytes and time ----------------------------------------------------------------
@@ -110,7 +110,7 @@ class Autopilot(CommandHandler):
         command = self._live(now_s, truth)
         self._follow_mission(was_armed)
         self._flush_after_ack()
-        self._plans.advance(now_s)
+        self._uploads.advance(now_s)
         self._parameters.advance(step_s)
         for message_id in self._intervals.due(now_s):
             self._send_telemetry(message_id)
@@ -159,7 +159,7 @@ class Autopilot(CommandHandler):
         if me.home_enu is not None:
             lat, lon, alt = me.frame.to_geodetic(*me.home_enu)
             home = (round(math.degrees(lat) * 1e7), round(math.degrees(lon) * 1e7), alt)
-        self._plans.on_request(message, home)
+        self._uploads.on_request(message, home)
 
     def _on_set_current(self, message: Message) -> None:
         if self._go_to_item(message.seq) == ACCEPTED:

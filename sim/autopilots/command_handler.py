@@ -174,9 +174,9 @@ class CommandHandler(Flight):
 
     def _go_to_item(self, seq: int) -> int:
         me = self._me
-        if not 0 <= seq < len(self._plans.stored(MISSION)):
+        if not 0 <= seq < len(self._uploads.stored(MISSION)):
             return DENIED
-        self._look_at_plan()
+        self._notice_new_mission()
         me.mission_seq = seq
         if isinstance(me.task, FlyLegs):
             me.task = self._mission()
@@ -189,7 +189,7 @@ class CommandHandler(Flight):
         me.task = me.mode.task(me.parameters)
         me.failsafe = False
         me.origin_enu = me.home_enu = None
-        self._plans.abort()
+        self._uploads.abort()
         self._after_ack.clear()
         self._intervals = self._default_intervals()
 
