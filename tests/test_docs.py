@@ -31,4 +31,5 @@ def test_every_page_can_be_reached_from_the_readme() -> None:
         reached.add(page)
         links = re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text())
         waiting += [page.parent / link for link in links]
-    assert set(PAGES) <= reached
+    front = ROOT / "docs" / "index.md"  # the README again, with the site's contents
+    assert set(PAGES) - {front} <= reached
