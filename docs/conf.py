@@ -1,8 +1,8 @@
 """The documentation site: ``make site`` builds it into build/site, without a network.
 
 The pages are Markdown that reads well in the repository, too. Two things are made here: a link
-from a page to a source file leads to a page that shows the file, and the directive ``room`` lists
-the modules of a package with their docstrings.
+from a page to a source file leads to a page that shows the file, and the directives
+``public-names`` and ``room`` list what is in the packages, with its docstrings.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from sphinx.util.docutils import SphinxDirective
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from swarmctl import __version__  # noqa: E402  (this checkout's)
+import swarmctl  # noqa: E402  (this checkout's)
 
 project = "swarmctl"
 author = copyright = "The swarmctl authors"
-version = release = __version__
+version = release = swarmctl.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 myst_heading_anchors = 3
 html_theme = "furo"
-html_title = f"swarmctl {__version__}"
+html_title = f"swarmctl {swarmctl.__version__}"
 html_copy_source = False
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "show-inheritance": True}
@@ -97,12 +97,27 @@ class Room(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Writes an ``automodule`` for each module."""
         package = import_module(self.arguments[0])
-        inside = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        folders = getattr(package, "__path__", [])  # a module by itself has none
+        inside = pkgutil.walk_packages(folders, f"{package.__name__}.")
         names = [package.__name__, *(module.name for module in inside)]
         lines: list[str] = []
         for name in names:
             lines += [name, "-" * len(name), "", f".. automodule:: {name}", ""]
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
+
+
+class PublicNames(SphinxDirective):
+    """Lists the public names of swarmctl; each leads to its docstring."""
+
+    def run(self) -> list[nodes.Node]:
+        """Writes a list of links."""
+        lines: list[str] = []
+        for name in swarmctl.__all__:
+            value = getattr(swarmctl, name)
+            home = getattr(value, "__module__", "")
+            target = f"{home}.{value.__qualname__}" if home.startswith("swarmctl") else ""
+            lines.append(f"* :py:obj:`{name} <{target}>`" if target else f"* ``{name}``")
+        return self.parse_text_to_nodes("\n".join(lines))
 
 
 def plain_text(
@@ -159,6 +174,7 @@ def setup(app: Sphinx) -> None:
     """Registers what this file adds to Sphinx."""
     app.add_transform(LinksToSources)
     app.add_directive("room", Room)
+    app.add_directive("public-names", PublicNames)
     app.add_lexer("mermaid", TextLexer)
     app.connect("autodoc-skip-member", skip_field)
     app.connect("source-read", front_page)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-Vector = tuple[float, float, float]
+from swarmctl.units import Vector
+
 Publication = Literal["range_differences", "arrival_times"]
 
 

@@ -12,7 +12,7 @@ import math
 import msgspec
 
 from sim.config import VehicleLimits
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 GRAVITY_MPS2 = 9.80665
 DRAG_PER_S = 0.3

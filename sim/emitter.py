@@ -9,7 +9,8 @@ import numpy as np
 
 from sim.config import EmitterConfig
 from sim.noise import Normals
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 
 class EmitterState(msgspec.Struct, frozen=True, gc=False):

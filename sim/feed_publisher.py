@@ -19,7 +19,8 @@ from swarmctl.feed.schema import (
     toa_topic,
     truth_topic,
 )
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 Publication = tuple[str, bytes]
 """Topic and payload."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.config import NavigationConfig
 from sim.noise import GaussMarkov, Normals
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 
 class PositionError:

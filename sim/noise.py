@@ -11,7 +11,7 @@ import zlib
 
 import numpy as np
 
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 BLOCK = 1024
 """Deviates drawn at once: one call of numpy costs as much as thirty scalar draws."""

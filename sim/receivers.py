@@ -21,12 +21,8 @@ from collections.abc import Mapping
 
 from sim.config import ReceiverConfig
 from sim.noise import Normals, generator
-from swarmctl.feed.schema import (
-    SPEED_OF_LIGHT_MPS,
-    ArrivalTimeMessage,
-    RangeDifferenceMessage,
-)
-from swarmctl.frames import Vector
+from swarmctl.feed.schema import ArrivalTimeMessage, RangeDifferenceMessage
+from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
 
 _LEAST_SIGMA_S = 1e-3 / SPEED_OF_LIGHT_MPS
 """A receiver without error (rho of 0 makes the reference one) states this: no less is taken."""

@@ -17,7 +17,8 @@ from typing import NamedTuple
 from sim.config import SimConfig
 from sim.feed_publisher import Broadcast, Publication
 from sim.mavlink import AUTOPILOT_COMPONENT, Codec, Message
-from swarmctl.frames import LocalFrame, Vector, sped_up_utc_s
+from swarmctl.frames import LocalFrame, sped_up_utc_s
+from swarmctl.units import Vector
 
 REACH_S = 1.0
 """A vehicle hears bursts at most this far from its nearest report."""

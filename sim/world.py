@@ -15,7 +15,8 @@ from sim.errors import SimError
 from sim.feed_publisher import Broadcast, Publication
 from sim.navigation_error import PositionError
 from sim.noise import GaussMarkov, Normals, generator
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 STEP_HZ = 50
 """Steps a second of everything: physics, autopilots, epochs."""

@@ -1,10 +1,25 @@
 """swarmctl: a MAVLink swarm mission controller that finds a radio emitter by TDOA.
 
-Conventions, fixed once here and used by every room of the package.
+The names in ``__all__`` are the public interface, for scripts such as
+:mod:`missions.find_beacon`: ``import swarmctl`` and take them from there. Every other module is
+internal and may change with any version. A name is imported when it is first asked for, so that
+``import swarmctl`` itself costs nothing.
+
+Flying
+    ``fly``, ``simulated``, ``fly_in_memory``, ``load_mission``, ``Mission``, ``FlightSummary``,
+    ``MissionResult``.
+Estimating
+    ``Track``, ``Prior``, ``ReceiverErrors``, ``Rows``, ``Estimate``: the track of one emitter.
+Formations
+    ``DESIGNS``, ``Requirements``, ``Noise``, ``objective_named``.
+Errors
+    ``SwarmError`` and its subclasses, drawn in :mod:`swarmctl.errors`.
+
+The rest of this page is the convention sheet that every room of the package keeps to.
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/decoding`` and ``link/encoding``, the console). A name
+    at the edges (the mission file, ``link/codec``, the console). A name
     carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
@@ -32,4 +47,103 @@ Symbols
 
 from __future__ import annotations
 
-__version__ = "0.1.0"
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from swarmctl.errors import (
+        EstimationError,
+        FeedError,
+        FormationError,
+        LinkError,
+        MissionFileError,
+        SwarmError,
+        UsageError,
+    )
+    from swarmctl.estimation.kernels.augmented import Rows
+    from swarmctl.estimation.model.prior import Prior
+    from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+    from swarmctl.estimation.track.modes import Estimate
+    from swarmctl.estimation.track.track import Estimator as Track
+    from swarmctl.formation.designs import DESIGNS
+    from swarmctl.formation.report import objective_named
+    from swarmctl.formation.requirements import Noise, Requirements
+    from swarmctl.mission.mission_file import Mission
+    from swarmctl.mission.mission_file_loading import load_mission
+    from swarmctl.ops.in_memory import fly_in_memory
+    from swarmctl.ops.live import AbandonedError, fly
+    from swarmctl.ops.simulation import simulated
+    from swarmctl.recorder.summary import FlightSummary
+    from swarmctl.results import MissionResult
+
+__version__ = "0.2.0"
+
+__all__ = [
+    "DESIGNS",
+    "AbandonedError",
+    "Estimate",
+    "EstimationError",
+    "FeedError",
+    "FlightSummary",
+    "FormationError",
+    "LinkError",
+    "Mission",
+    "MissionFileError",
+    "MissionResult",
+    "Noise",
+    "Prior",
+    "ReceiverErrors",
+    "Requirements",
+    "Rows",
+    "SwarmError",
+    "Track",
+    "UsageError",
+    "fly",
+    "fly_in_memory",
+    "load_mission",
+    "objective_named",
+    "simulated",
+]
+
+_HOMES = {
+    "swarmctl.errors": (
+        "EstimationError",
+        "FeedError",
+        "FormationError",
+        "LinkError",
+        "MissionFileError",
+        "SwarmError",
+        "UsageError",
+    ),
+    "swarmctl.estimation.kernels.augmented": ("Rows",),
+    "swarmctl.estimation.model.prior": ("Prior",),
+    "swarmctl.estimation.model.receiver_errors": ("ReceiverErrors",),
+    "swarmctl.estimation.track.modes": ("Estimate",),
+    "swarmctl.estimation.track.track": ("Track",),
+    "swarmctl.formation.designs": ("DESIGNS",),
+    "swarmctl.formation.report": ("objective_named",),
+    "swarmctl.formation.requirements": ("Noise", "Requirements"),
+    "swarmctl.mission.mission_file": ("Mission",),
+    "swarmctl.mission.mission_file_loading": ("load_mission",),
+    "swarmctl.ops.in_memory": ("fly_in_memory",),
+    "swarmctl.ops.live": ("AbandonedError", "fly"),
+    "swarmctl.ops.simulation": ("simulated",),
+    "swarmctl.recorder.summary": ("FlightSummary",),
+    "swarmctl.results": ("MissionResult",),
+}
+"""The module that each public name comes from."""
+
+
+if not TYPE_CHECKING:  # a type checker would take it for a module with any attribute
+
+    def __getattr__(name: str) -> object:
+        for module, names in _HOMES.items():
+            if name in names:
+                value = getattr(import_module(module), "Estimator" if name == "Track" else name)
+                globals()[name] = value
+                return value
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

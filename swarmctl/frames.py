@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+from swarmctl.units import Vector
+
 WGS84_A = 6378137.0
 """Semi-major axis, m."""
 WGS84_F = 1.0 / 298.257223563
@@ -17,8 +19,6 @@ WGS84_F = 1.0 / 298.257223563
 WGS84_E2 = WGS84_F * (2.0 - WGS84_F)
 """First eccentricity squared."""
 
-Vector = tuple[float, float, float]
-"""Three floats: a position or velocity in ENU (m, m/s) or ECEF (m)."""
 
 SPED_UP_FROM_UTC_S = 1_767_225_600.0
 """2026-01-01: any instant would do, as long as whoever measures and whoever flies agree on it

@@ -8,19 +8,29 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-COMMON = {"swarmctl", "swarmctl.errors", "swarmctl.events", "swarmctl.frames"}
+COMMON = {
+    "swarmctl",
+    "swarmctl.commands",
+    "swarmctl.decisions",
+    "swarmctl.errors",
+    "swarmctl.events",
+    "swarmctl.frames",
+    "swarmctl.results",
+    "swarmctl.units",
+}
 ALLOWED: dict[str, set[str]] = {
-    "swarmctl.estimation": {"swarmctl.errors"},
+    "swarmctl.estimation": {"swarmctl.errors", "swarmctl.units"},
     "swarmctl.formation": {
         "swarmctl.errors",
         "swarmctl.estimation.bounds",
         "swarmctl.estimation.model",
+        "swarmctl.units",
     },
     "swarmctl.mission": COMMON | {"swarmctl.estimation", "swarmctl.formation"},
     "swarmctl.link": COMMON,
     "swarmctl.feed": COMMON,
     "swarmctl.recorder": COMMON | {"swarmctl.estimation"},
-    "swarmctl.datasets": {"swarmctl.errors", "swarmctl.estimation"},
+    "swarmctl.datasets": {"swarmctl.errors", "swarmctl.estimation", "swarmctl.units"},
     "swarmctl.ops": COMMON
     | {
         "swarmctl.estimation",
@@ -36,9 +46,10 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.mission",
         "swarmctl.ops",
         "swarmctl.datasets",
+        "swarmctl.recorder.summary",
         "swarmctl.study",
     },
-    "sim": {"swarmctl.errors", "swarmctl.frames", "swarmctl.feed.schema"},
+    "sim": {"swarmctl.errors", "swarmctl.frames", "swarmctl.feed.schema", "swarmctl.units"},
     "swarmctl.study": {
         "sim",
         "swarmctl.errors",
@@ -46,8 +57,9 @@ ALLOWED: dict[str, set[str]] = {
         "swarmctl.formation",
         "swarmctl.mission",
         "swarmctl.ops",
+        "swarmctl.units",
     },
-    "missions": {"swarmctl.ops", "swarmctl.mission"},
+    "missions": {"swarmctl"},
 }
 """What of this project each room may import, besides itself; a room inside a room has its own."""
 

@@ -1,16 +1,11 @@
-"""Rows and curves of one's own for ``swarmctl study table1|consistency --with my_study.py``."""
+"""Rows and curves of one's own: ``swarmctl study table1|consistency|track --with my_study.py``."""
 
 from math import pi
 
 import numpy as np
 
 from swarmctl.study.filters import Belief, Prior, Scan, Track, iterated_ekf, ncrkf
-from swarmctl.study.registry import register_filter, register_formation
-
-# The same filter in other coordinates: which are best?
-register_filter("NCRKF, relative", lambda q: ncrkf(state="relative", process_noise=q))
-jump = (0.01, 0.01)  # Table 1's Q, (m/s²)²
-register_filter("NCRKF, relative CA", lambda _: ncrkf(state="accelerated", process_noise=jump))
+from swarmctl.study.registry import Registry
 
 
 class Uncorrelated:
@@ -33,7 +28,16 @@ class Uncorrelated:
         return self.ekf.track(belief, scan)
 
 
-register_filter("uncorrelated EKF", lambda _: Uncorrelated())
+def register(registry: Registry) -> None:
+    """Add three filters and a formation to those of the study."""
+    # The same filter in other coordinates: which are best?
+    registry.register_filter("NCRKF, relative", lambda q: ncrkf(state="relative", process_noise=q))
+    jump = (0.01, 0.01)  # Table 1's Q, (m/s²)²
+    registry.register_filter(
+        "NCRKF, relative CA", lambda _: ncrkf(state="accelerated", process_noise=jump)
+    )
+    registry.register_filter("uncorrelated EKF", lambda _: Uncorrelated())
 
-# Angle from the line of sight (rad) and distance from the reference UAV (m) of each companion.
-register_formation("axis behind", [(-pi / 2, 300.0), (pi, 300.0), (pi / 2, 300.0)])
+    # Angle from the line of sight (rad) and distance from the reference UAV (m), one pair for
+    # each companion.
+    registry.register_formation("axis behind", [(-pi / 2, 300.0), (pi, 300.0), (pi / 2, 300.0)])

@@ -42,7 +42,7 @@ from sim.autopilots.onboard_state import CAPACITY_MAH, Fitting, Onboard
 from sim.autopilots.telemetry import home_position
 from sim.autopilots.traits import CAPABILITIES, Manners, Timeline
 from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 SPOOL_UP_S = 3.35
 """From the take-off command to the first movement."""

@@ -22,7 +22,7 @@ from sim.autopilots.telemetry import mission_current
 from sim.autopilots.traits import Manners
 from sim.dynamics import Command, State
 from sim.mavlink import ACCEPTED, Codec, Message, dialect
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 
 class Flight(ABC):

@@ -15,7 +15,7 @@ from typing import Protocol
 import msgspec
 
 from sim.dynamics import VELOCITY_GAIN_PER_S, Command
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 FOLLOW_GAIN_PER_S = 1.0
 """Of a setpoint with velocity feed-forward, and of holding a place."""

@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from sim.dynamics import approach_speed
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]

@@ -25,7 +25,7 @@ from sim.autopilots.flight_tasks import (
 from sim.autopilots.mission_protocol import Item
 from sim.dynamics import Command
 from sim.mavlink import dialect
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 Kind = Literal["take_off", "fly", "stay", "level", "return", "land"]
 

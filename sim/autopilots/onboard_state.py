@@ -15,7 +15,8 @@ from sim.clock import Clock
 from sim.config import VehicleConfig
 from sim.dynamics import State
 from sim.navigation_error import PositionError
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 CELLS = 3
 EMPTY_CELL_V, FULL_CELL_V = 3.5, 4.2

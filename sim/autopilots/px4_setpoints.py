@@ -7,7 +7,8 @@ import math
 from sim.autopilots.flight_tasks import FlyAcceleration, FlyAxes, Task
 from sim.autopilots.setpoints import SANE_SPEED_MPS, turned
 from sim.mavlink import Message, dialect
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 SANE_DISTANCE_M = 1e6
 """A local position component beyond this is not flown."""

@@ -12,7 +12,8 @@ import math
 
 from sim.autopilots.flight_tasks import FlyAcceleration, FlyTo, FlyVelocity, Hold, Task
 from sim.mavlink import Message, dialect
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 POSITION_IGNORED = 0b111
 VELOCITY_IGNORED = 0b111 << 3

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from sim.autopilots.flight_tasks import Descend, TakeOff
 from sim.autopilots.onboard_state import CAPACITY_MAH, Onboard
 from sim.mavlink import Message, dialect
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 EKF_CONSTANT_POSITION = (
     dialect.ESTIMATOR_ATTITUDE

@@ -8,7 +8,7 @@ import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -21,7 +21,10 @@ from swarmctl.cli.missions import find_mission
 from swarmctl.cli.track import track
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.mission.mission_file_loading import load_mission
-from swarmctl.ops import exit_codes as outcome
+from swarmctl.ops import exit_codes
+
+if TYPE_CHECKING:
+    from swarmctl.recorder.summary import FlightSummary
 
 app = typer.Typer(
     name="swarmctl",
@@ -72,7 +75,7 @@ def main() -> None:
         _complain(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        sys.exit(outcome.CANCELLED)
+        sys.exit(exit_codes.CANCELLED)
 
 
 def _complain(error: SwarmError) -> None:
@@ -127,7 +130,7 @@ def demo(
             )
     else:
 
-        async def both() -> dict[str, object]:
+        async def both() -> FlightSummary:
             async with simulated(path, seed=seed, speedup=speedup, broker=broker):
                 return await fly(
                     path,
@@ -285,6 +288,6 @@ def _default_out(name: str) -> Path:
     return Path("flights") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
-def _finish(summary: dict[str, object], out: Path) -> None:
+def _finish(summary: FlightSummary, out: Path) -> None:
     print_summary(summary, out)
-    raise typer.Exit(outcome.exit_code(str(summary["result"])))
+    raise typer.Exit(exit_codes.exit_code(summary.result))

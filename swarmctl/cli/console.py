@@ -6,6 +6,7 @@ import math
 from collections import deque
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -13,10 +14,14 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.events import Notice
-from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import Phase
-from swarmctl.mission.snapshot import Snapshot, VehicleSnapshot
+from swarmctl.results import MissionResult
+
+if TYPE_CHECKING:  # their modules load numpy and scipy
+    from swarmctl.decisions import Notice
+    from swarmctl.mission.mission_file import Mission
+    from swarmctl.mission.snapshot import Snapshot, VehicleSnapshot
+    from swarmctl.recorder.summary import FlightSummary
 
 NOTICES_SHOWN = 5
 LIVE_EVERY_S = 0.25
@@ -214,25 +219,24 @@ _SUMMARY_ROWS = (
 )
 
 
-def print_summary(summary: dict[str, object], out: Path) -> None:
+def print_summary(summary: FlightSummary, out: Path) -> None:
     """Print what came of a flight."""
     console = Console(highlight=False)
-    good = summary["result"] == "located"
+    good = summary.result is MissionResult.LOCATED
     console.print()
     console.print(
         Text.assemble(
-            (f"{summary['result']}", "bold green" if good else "bold red"),
-            f": {summary['detail']}",
+            (f"{summary.result}", "bold green" if good else "bold red"),
+            f": {summary.detail}",
         ),
         soft_wrap=True,
     )
     table = Table(box=None, show_header=False, padding=(0, 1))
     for key, label, pattern in _SUMMARY_ROWS:
-        value = summary.get(key)
-        if isinstance(value, int | float):
+        value = getattr(summary, key)
+        if value is not None:
             table.add_row(label, pattern.format(value))
-    mission_s, wall_s = summary.get("duration_s"), summary.get("wall_s")
-    if isinstance(mission_s, float) and isinstance(wall_s, float):
-        table.add_row("wall time", f"{wall_s:.1f} s, {mission_s / wall_s:.0f} x real time")
+    wall_s, speedup = summary.wall_s, summary.duration_s / summary.wall_s
+    table.add_row("wall time", f"{wall_s:.1f} s, {speedup:.0f} x real time")
     console.print(table)
     console.print(f"recording, plots and summary.json: {out}", soft_wrap=True)

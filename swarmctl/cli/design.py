@@ -83,7 +83,7 @@ def design(
         from swarmctl.study import design_plot  # noqa: PLC0415 - loads matplotlib
 
         try:
-            design_plot.write_design(found, requirements, plot)
+            design_plot.draw_design(found, requirements, plot)
         except (OSError, ValueError) as error:
             raise UsageError(f"--plot {plot} cannot be written: {error}.") from error
     if as_json:

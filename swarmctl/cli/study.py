@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -35,13 +36,11 @@ WithOption = Annotated[
     list[Path] | None,
     typer.Option("--with", metavar="FILE.py", help="Registers filters or formations of yours."),
 ]
-
-FILTER_RUNS = 500
-"""Of a case of the filters, which costs seconds."""
-TRACKER_RUNS = 40
-"""Of a case of the live tracker, which costs half a second a run."""
-HEALTH = "health"
-"""The name of the case that flies :mod:`~swarmctl.study.track_health`."""
+CaseOption = Annotated[
+    list[str] | None,
+    typer.Option("--case", help="Only this case; may be repeated (default: all)."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
@@ -58,16 +57,18 @@ def table1(
     files: WithOption = None,
 ) -> None:
     """Reproduce the paper's Table 1: Figs. 2-9, with the Cramér-Rao bound and the NEES."""
-    from swarmctl.study import plots as figures  # noqa: PLC0415 - loads scipy and matplotlib
-    from swarmctl.study import registry  # noqa: PLC0415 - loads scipy and matplotlib
-    from swarmctl.study import table1 as study  # noqa: PLC0415
+    from swarmctl.study import plots  # noqa: PLC0415 - loads matplotlib
+    from swarmctl.study import table1 as study  # noqa: PLC0415 - loads scipy
+    from swarmctl.study.registry import standard_registry  # noqa: PLC0415 - loads scipy
 
-    registry.load(files or [])
+    registry = standard_registry(files or [])
     _make(out)
     with _flying(workers, executor, files) as (pool, progress):
-        table = study.table1(runs=runs, seed=seed, rho=rho, executor=pool, on_progress=progress)
-    study.write(table, out)
-    figures.write_table1(table, out)
+        table = study.run_table1(
+            registry, runs=runs, seed=seed, rho=rho, executor=pool, on_progress=progress
+        )
+    study.write_table1(table, out)
+    plots.draw_table1(table, out)
     epochs = [round(t / table.campaign.engagement.period_s) for t in study.TIMES_S]
     for formation, result in table.results.items():
         shown = study_tables.table(
@@ -84,87 +85,89 @@ def table1(
 
 @app.command()
 def consistency(
-    runs: Annotated[
-        int | None,
-        typer.Option("--runs", min=2, help="Monte Carlo runs (default: 500; the tracker's 40)."),
-    ] = None,
+    runs: RunsOption = 500,
     seed: SeedOption = 0,
-    case: Annotated[
-        list[str] | None,
-        typer.Option("--case", help="Only this case; may be repeated (default: all filters')."),
-    ] = None,
-    with_tracker: Annotated[
-        bool, typer.Option("--tracker", help="All cases of the live tracker.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    case: CaseOption = None,
+    as_json: JsonOption = False,
     workers: WorkersOption = 1,
     executor: ExecutorOption = None,
     files: WithOption = None,
 ) -> None:
-    """Measure error against the Cramér-Rao bound, and NEES, with confidence intervals.
+    """Compare the filters in white noise with the Cramér-Rao bound.
 
-    The filters in white noise; with --tracker the live tracker with clocks, navigation errors,
-    echoes, manoeuvres, gaps and faults, and the filters beside it.
+    Error over the bound, and NEES, with 95 % confidence intervals.
     """
     from swarmctl.study import consistency as study  # noqa: PLC0415 - loads scipy
-    from swarmctl.study import jsonable, registry  # noqa: PLC0415 - loads scipy and matplotlib
-    from swarmctl.study import track_cases as tracker_cases  # noqa: PLC0415
-    from swarmctl.study import track_consistency as tracker  # noqa: PLC0415 - loads scipy and matplotlib
-    from swarmctl.study import track_health as health  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study.registry import standard_registry  # noqa: PLC0415 - loads scipy
 
-    known = (*study.CASES, *tracker_cases.CASES, HEALTH)
-    names = case or (() if with_tracker else tuple(study.CASES))
-    if with_tracker:
-        names = (*names, *tracker_cases.CASES, HEALTH)
-    for name in names:
-        if name not in known:
-            raise UsageError(f"There is no case {name!r}; there are {', '.join(known)}.")
-    of_filters = tuple(name for name in study.CASES if name in names)
-    of_tracker = tuple(name for name in tracker_cases.CASES if name in names)
-    faults = health.FAULTS if HEALTH in names else ()
-    filter_runs, tracker_runs = runs or FILTER_RUNS, runs or TRACKER_RUNS
-    registry.load(files or [])
-    if of_tracker or faults:
-        seconds = tracker_runs * (tracker.cost_s(of_tracker) + health.cost_s(faults))
-        minutes = math.ceil(seconds / 60.0)
-        typer.echo(f"{tracker_runs} runs a case take about {minutes} min on one core.", err=True)
-    parts = [len(of_filters) * filter_runs, len(of_tracker) * tracker_runs]
-    parts.append(len(faults) * tracker_runs)
+    cases = _chosen(case, study.CASES)
+    registry = standard_registry(files or [])
     with _flying(workers, executor, files) as (pool, progress):
-
-        def told(part: int) -> Callable[[int, int], None]:
-            return lambda done, _: progress(sum(parts[:part]) + done, sum(parts))
-
-        rows, tracker_rows, health_rows = [], [], []
-        if of_filters:
-            rows = study.consistency(
-                runs=filter_runs, seed=seed, cases=of_filters, executor=pool, on_progress=told(0)
-            )
-        if of_tracker:
-            tracker_rows = tracker.tracker(
-                runs=tracker_runs, seed=seed, cases=of_tracker, executor=pool, on_progress=told(1)
-            )
-        if faults:
-            health_rows = health.health(
-                runs=tracker_runs, seed=seed, faults=faults, executor=pool, on_progress=told(2)
-            )
-    if as_json:
-        flown = {"runs": tracker_runs, "rows": tracker_rows, "health": health_rows}
-        document = {"runs": filter_runs, "seed": seed, "rho": study.RHO, "rows": rows}
-        typer.echo(jsonable.dumps({**document, "tracker": flown}))
-        return
-    for name in of_filters:
-        study_tables.print_case(study.CASES[name].title, [row for row in rows if row.case == name])
-    for name in of_tracker:
-        study_tables.print_tracker_case(
-            tracker_cases.CASES[name].title, [row for row in tracker_rows if row.case == name]
+        rows = study.run_consistency(
+            registry, runs=runs, seed=seed, cases=cases, executor=pool, on_progress=progress
         )
-    if health_rows:
-        study_tables.print_health(health_rows)
-    missed = [f"{row.case}: {s}" for row in rows for s in row.shortfalls or ()]
-    missed += [f"{row.case}: {s}" for row in tracker_rows for s in row.shortfalls or ()]
-    missed += [f"{HEALTH}: {s}" for row in health_rows for s in row.shortfalls]
-    typer.echo("\n".join(["Targets missed:", *missed]) if missed else "All targets are met.")
+    if as_json:
+        _print_json({"runs": runs, "seed": seed, "rho": study.RHO, "rows": rows})
+        return
+    for name in cases:
+        study_tables.print_consistency_case(
+            study.CASES[name].title, [row for row in rows if row.case == name]
+        )
+    _print_shortfalls(f"{row.case}: {s}" for row in rows for s in row.shortfalls or ())
+
+
+@app.command()
+def track(
+    runs: RunsOption = 40,
+    seed: SeedOption = 0,
+    case: CaseOption = None,
+    as_json: JsonOption = False,
+    workers: WorkersOption = 1,
+    executor: ExecutorOption = None,
+    files: WithOption = None,
+) -> None:
+    """Fly the live track with clocks, navigation errors, echoes, manoeuvres and gaps.
+
+    Error over the bound of the right model, and NEES; the filters beside it on the same draws.
+    """
+    from swarmctl.study import track_consistency as study  # noqa: PLC0415 - loads scipy
+    from swarmctl.study.registry import standard_registry  # noqa: PLC0415 - loads scipy
+    from swarmctl.study.track_cases import CASES  # noqa: PLC0415 - loads scipy
+
+    cases = _chosen(case, CASES)
+    registry = standard_registry(files or [])
+    _announce(runs, runs * study.cost_s(cases))
+    with _flying(workers, executor, files) as (pool, progress):
+        rows = study.run_track_consistency(
+            registry, runs=runs, seed=seed, cases=cases, executor=pool, on_progress=progress
+        )
+    if as_json:
+        _print_json({"runs": runs, "seed": seed, "rows": rows})
+        return
+    for name in cases:
+        study_tables.print_track_case(CASES[name].title, [row for row in rows if row.case == name])
+    _print_shortfalls(f"{row.case}: {s}" for row in rows for s in row.shortfalls or ())
+
+
+@app.command()
+def health(
+    runs: RunsOption = 40,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+    workers: WorkersOption = 1,
+    executor: ExecutorOption = None,
+) -> None:
+    """Count how soon the live track names a feed that goes wrong, and its false alarms."""
+    from swarmctl.study import track_health as study  # noqa: PLC0415 - loads scipy
+
+    _announce(runs, runs * study.cost_s(study.FAULTS))
+    with _flying(workers, executor, None) as (pool, progress):
+        rows = study.run_track_health(runs=runs, seed=seed, executor=pool, on_progress=progress)
+    if as_json:
+        _print_json({"runs": runs, "seed": seed, "rows": rows})
+        return
+    study_tables.print_health(rows)
+    _print_shortfalls(f"health: {s}" for row in rows for s in row.shortfalls)
 
 
 @app.command()
@@ -176,22 +179,17 @@ def information(
     files: WithOption = None,
 ) -> None:
     """Appendix B: does the NCRKF's information converge to the OKF's, and what is it worth?"""
-    from swarmctl.study import appendix_b as study  # noqa: PLC0415
-    from swarmctl.study import (  # noqa: PLC0415 - loads scipy and matplotlib
-        jsonable,
-        registry,
-    )
-    from swarmctl.study import plots as figures  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study import appendix_b, plots  # noqa: PLC0415 - loads scipy and matplotlib
+    from swarmctl.study.registry import standard_registry  # noqa: PLC0415 - loads scipy
 
-    registry.load(files or [])
+    registry = standard_registry(files or [])
     _make(out)
     studies = {
-        name: study.information(runs=runs, epochs=epochs, seed=seed, formation=slots)
+        name: appendix_b.run_information(runs=runs, epochs=epochs, seed=seed, formation=slots)
         for name, slots in registry.formations().items()
     }
-    document = {"seed": seed, "formations": {n: s.to_json() for n, s in studies.items()}}
-    (out / "information.json").write_text(jsonable.dumps(document) + "\n")
-    figures.write_information(studies, out)
+    appendix_b.write_information(studies, seed, out)
+    plots.draw_information(studies, out)
     shown = study_tables.table(
         "Information of the NCRKF, averaged over k epochs", ["", "", *studies]
     )
@@ -229,7 +227,7 @@ def formation(
         int,
         typer.Option("--transitions", min=0, help="Transitions to fly; 0 leaves them out."),
     ] = 1000,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: JsonOption = False,
     workers: WorkersOption = 1,
     executor: ExecutorOption = None,
 ) -> None:
@@ -238,21 +236,18 @@ def formation(
     Which formation finds the emitter soonest? Does the swarm keep every limit while it changes?
     """
     from swarmctl.study import formation as study  # noqa: PLC0415 - loads the simulator
-    from swarmctl.study import (  # noqa: PLC0415 - loads scipy and matplotlib
-        jsonable,
-        transitions,
-    )
+    from swarmctl.study import transitions  # noqa: PLC0415 - loads the simulator
 
     flown = None
     if count:
         with _flying(workers, executor, None) as (pool, progress):
-            flown = transitions.transitions(
+            flown = transitions.run_transitions(
                 count=count, seed=seed, executor=pool, on_progress=progress
             )
     cells = []
     if runs:
         with _flying(workers, executor, None) as (pool, progress):
-            cells = study.formation(
+            cells = study.run_formation(
                 runs=runs,
                 seed=seed,
                 designs=designs or study.DESIGNS,
@@ -261,9 +256,7 @@ def formation(
                 on_progress=progress,
             )
     if as_json:
-        typer.echo(
-            jsonable.dumps({"runs": runs, "seed": seed, "cells": cells, "transitions": flown})
-        )
+        _print_json({"runs": runs, "seed": seed, "cells": cells, "transitions": flown})
         return
     shown = study_tables.table(
         f"time from forming up until 1-sigma < {study.CONVERGED_SIGMA_M:g} m, {runs} missions each",
@@ -290,6 +283,28 @@ def formation(
             f" reference {flown.reach_m:.1f} m (at most {flown.d_max_m:g}), not formed up"
             f" {flown.not_formed}, slots exchanged without need {flown.swaps}."
         )
+
+
+def _chosen(names: list[str] | None, cases: Mapping[str, object]) -> tuple[str, ...]:
+    """The cases to fly: those asked for, in the study's order, or all."""
+    for name in names or []:
+        if name not in cases:
+            raise UsageError(f"There is no case {name!r}; there are {', '.join(cases)}.")
+    return tuple(name for name in cases if names is None or name in names)
+
+
+def _announce(runs: int, seconds: float) -> None:
+    minutes = math.ceil(seconds / 60.0)
+    typer.echo(f"{runs} runs a case take about {minutes} min on one core.", err=True)
+
+
+def _print_json(document: dict[str, object]) -> None:
+    typer.echo(msgspec.json.format(msgspec.json.encode(document), indent=1))
+
+
+def _print_shortfalls(sentences: Iterable[str]) -> None:
+    missed = list(sentences)
+    typer.echo("\n".join(["Out of tolerance:", *missed]) if missed else "All within tolerance.")
 
 
 def _make(out: Path) -> None:

@@ -1,4 +1,4 @@
-"""Tables of ``swarmctl study consistency``."""
+"""The tables that ``swarmctl study`` prints."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from swarmctl.study import consistency
-    from swarmctl.study import track_consistency as tracker
-    from swarmctl.study import track_health as health
+    from swarmctl.study import consistency, track_consistency, track_health
     from swarmctl.study.tally import Figure
 
 
-def print_case(title: str, rows: list[consistency.Row]) -> None:
+def print_consistency_case(title: str, rows: list[consistency.Row]) -> None:
     """One case: the filters, each with its figures over time."""
     times = [f"{instant.time_s:g} s" for instant in rows[0].instants]
     shown = table(title, ["filter", "", *times])
@@ -31,8 +29,8 @@ def print_case(title: str, rows: list[consistency.Row]) -> None:
     Console().print(shown)
 
 
-def print_tracker_case(title: str, rows: list[tracker.Row]) -> None:
-    """One case of the tracker, time after time, and what it asks for besides."""
+def print_track_case(title: str, rows: list[track_consistency.Row]) -> None:
+    """One case of the track study, time after time, and what it asks for besides."""
     shown = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name in ("at", "", "bound (m)", *(row.filter for row in rows)):
         shown.add_column(name, justify="right" if name else "left", overflow="fold")
@@ -49,8 +47,8 @@ def print_tracker_case(title: str, rows: list[tracker.Row]) -> None:
         Console().print(f"{measure.name}: {measure.figure.value:.3g}{interval}", highlight=False)
 
 
-def print_health(rows: list[health.Row]) -> None:
-    """What the health says to each fault."""
+def print_health(rows: list[track_health.Row]) -> None:
+    """What the track's health says of each fault."""
     shown = Table(
         title="health: what is said of a feed that goes wrong",
         title_justify="left",

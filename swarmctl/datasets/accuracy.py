@@ -10,9 +10,9 @@ import numpy as np
 
 from swarmctl.datasets.dataset import Path3D
 from swarmctl.datasets.tracking import Counts, Step
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.estimation.integrity.health import Cause, Verdict, sentence
+from swarmctl.units import Array
 
 LOST_NEES = 30.0
 """An estimate with a larger NEES is lost: it is elsewhere and does not say so."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from swarmctl.datasets.csv_tables import Line, lines
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.units import Array
 
 _POSITION = ("east_m", "north_m", "up_m")
 _FARTHEST_M = 1e9

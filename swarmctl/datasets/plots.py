@@ -15,7 +15,7 @@ from matplotlib.ticker import NullFormatter
 
 from swarmctl.datasets.accuracy import Series
 from swarmctl.datasets.dataset import Receivers
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 _INK = "#22272e"
 _FAINT = "#8b949e"

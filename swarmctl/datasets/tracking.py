@@ -12,7 +12,6 @@ import numpy as np
 from swarmctl.datasets.dataset import LARGEST_RHO, Epoch, Receivers, rows_of
 from swarmctl.datasets.plain_ekf import PlainEkf
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.integrity.gate import GATE
 from swarmctl.estimation.integrity.health import Verdict
 from swarmctl.estimation.kernels.augmented import Rows
@@ -20,6 +19,7 @@ from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.modes import Estimate
 from swarmctl.estimation.track.track import Estimator
+from swarmctl.units import Array
 
 _APERTURES = 2.0
 """1-sigma of the prior per axis, where none is given, in distances of the outermost receiver

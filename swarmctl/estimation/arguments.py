@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-
-Array = NDArray[np.floating]
-"""float64 throughout; numpy's linear algebra is typed no more closely than this."""
-Mask = NDArray[np.bool_]
+from swarmctl.units import Array
 
 
 def as_finite(name: str, value: ArrayLike, *tail: int | None) -> Array:

@@ -23,7 +23,6 @@ from swarmctl.events import (
     ReceiverTruth,
 )
 from swarmctl.feed.schema import (
-    SPEED_OF_LIGHT_MPS,
     ArrivalTimeMessage,
     RangeDifferenceMessage,
     ReceiverTruthMessage,
@@ -31,6 +30,7 @@ from swarmctl.feed.schema import (
     tdoa_topic,
     toa_topic,
 )
+from swarmctl.units import SPEED_OF_LIGHT_MPS
 
 MAX_LENGTH_M = 1e6
 """No range difference and no sigma is larger: a radio horizon is a few hundred kilometres."""

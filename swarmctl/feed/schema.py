@@ -19,9 +19,6 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-SPEED_OF_LIGHT_MPS = 299_792_458.0
-"""c: range differences are time differences times this."""
-
 VERSION = 1
 """Value of ``v`` in every message."""
 

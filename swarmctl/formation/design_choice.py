@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from swarmctl.formation.designs import Array
 from swarmctl.formation.information import slots_in_los_frame
+from swarmctl.units import Array
 
 STEP = 1.25
 """Ratio of the range of one page to that of the page before."""

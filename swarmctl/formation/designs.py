@@ -21,8 +21,7 @@ from swarmctl.errors import FormationError
 from swarmctl.formation.objectives import Objective
 from swarmctl.formation.optimal import SLACK, feasible, first_of_best, refine, worst
 from swarmctl.formation.requirements import Requirements
-
-Array = NDArray[np.floating]
+from swarmctl.units import Array
 
 SECTOR_OFFSETS = 9
 """Angles of the sector at which a worst case is looked for."""

@@ -38,8 +38,9 @@ from numpy.typing import NDArray
 from swarmctl.errors import FormationError
 from swarmctl.estimation.model.motion import process_noise, transition
 from swarmctl.estimation.model.range_difference import jacobian
-from swarmctl.formation.information import Array, noise_covariance
+from swarmctl.formation.information import noise_covariance
 from swarmctl.formation.requirements import Noise
+from swarmctl.units import Array
 
 ANGLES_RAD = tuple(math.radians(a) for a in (-20, 20, -40, 40, -60, 60, -90, 90))
 """Courses tried, from the LOS counter-clockwise."""

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarmctl.formation.designs import Array
-
-Vector2 = tuple[float, float]
+from swarmctl.units import Array, Vector2
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
 from swarmctl.estimation.model.range_difference import effective_covariance, jacobian, rd_covariance
 from swarmctl.formation.requirements import Noise
-
-Array = NDArray[np.floating]
+from swarmctl.units import Array
 
 
 class Accuracy(NamedTuple):

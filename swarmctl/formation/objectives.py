@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from swarmctl.errors import FormationError
 from swarmctl.estimation.model.motion import transition
 from swarmctl.estimation.model.range_difference import jacobian
-from swarmctl.formation.information import Array, fisher, noise_covariance, slots_in_los_frame
+from swarmctl.formation.information import fisher, noise_covariance, slots_in_los_frame
 from swarmctl.formation.requirements import Requirements
+from swarmctl.units import Array
 
 Objective = Callable[[Array], Array]
 

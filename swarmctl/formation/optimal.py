@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from swarmctl.formation.information import Array, slots_in_los_frame
+from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.objectives import Objective
 from swarmctl.formation.requirements import Requirements
+from swarmctl.units import Array
 
 SLACK = 1e-9
 """Share of a limit that rounding may take."""

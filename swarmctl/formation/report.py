@@ -9,9 +9,10 @@ import numpy as np
 
 from swarmctl.errors import FormationError
 from swarmctl.formation.designs import DESIGNS
-from swarmctl.formation.information import Array, predicted_accuracy, slots_in_los_frame
+from swarmctl.formation.information import predicted_accuracy, slots_in_los_frame
 from swarmctl.formation.objectives import Objective, approach, determinant, rms, track
 from swarmctl.formation.requirements import Requirements
+from swarmctl.units import Array
 
 
 @dataclass(frozen=True)

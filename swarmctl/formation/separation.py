@@ -48,8 +48,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarmctl.formation.constraints import limit
+from swarmctl.units import Array
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 HalfSpace = tuple[int, int, float, float, float]
 """Rows i and j, direction (e, n) from j to i, most: -(v_i - v_j) . (e, n) <= most."""

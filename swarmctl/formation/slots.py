@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from swarmctl.errors import FormationError
-from swarmctl.formation.designs import Array
+from swarmctl.units import Array
 
 
 def level_design(design: Array, heights_m: Array) -> Array:

@@ -12,7 +12,8 @@ from collections import deque
 from enum import Enum, auto
 from typing import Literal
 
-from swarmctl.events import CommandOutcome, UploadFence
+from swarmctl.commands import UploadFence
+from swarmctl.events import CommandOutcome
 from swarmctl.link.codec.messages import (
     AskForItem,
     AskForPlan,

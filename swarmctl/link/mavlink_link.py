@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from swarmctl.events import Command, GoTo
+from swarmctl.commands import Command, GoTo
 from swarmctl.link.channels import SILENT_LINK_S, Channels
 from swarmctl.link.codec import decoding
 from swarmctl.link.codec.framing import split

@@ -23,8 +23,8 @@ from mavsdk.logging import log_subscribe
 from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
 
+from swarmctl.commands import Command, GoTo, RequestVersion, UploadFence
 from swarmctl.errors import LinkError
-from swarmctl.events import Command, GoTo, RequestVersion, UploadFence
 from swarmctl.link import mavsdk_messages as messages
 from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, CommandLong, DataStream, Fault
 from swarmctl.link.command_protocol import Attempt

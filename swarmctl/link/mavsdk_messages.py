@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.events import GoTo
+from swarmctl.commands import GoTo
 from swarmctl.link.codec import decoding
 from swarmctl.link.codec.messages import (
     AUTOPILOT_COMPONENT,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from swarmctl.events import RequestVersion
+from swarmctl.commands import RequestVersion
 from swarmctl.link.channels import Channels
 from swarmctl.link.codec import decoding
 from swarmctl.link.codec.encoding import Encoder

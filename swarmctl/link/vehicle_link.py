@@ -11,18 +11,15 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from typing import Generic, Literal, TypeVar
 
-from swarmctl.events import (
+from swarmctl.commands import (
     Command,
-    CommandOutcome,
     GoTo,
-    InputRejected,
-    Observation,
     ReadParameter,
     RequestVersion,
     UploadFence,
-    VehicleVersion,
     WriteParameter,
 )
+from swarmctl.events import CommandOutcome, InputRejected, Observation, VehicleVersion
 from swarmctl.link.codec.messages import CommandAck, Fact, FenceFact, TimeSyncAnswer
 from swarmctl.link.parameter_protocol import unread
 from swarmctl.link.vehicle import Packet, Vehicle

@@ -17,22 +17,17 @@ from typing import Literal
 
 import numpy as np
 
+from swarmctl.commands import Command
+from swarmctl.decisions import Decision, HealthChanged, MissionEnded, Notice, PhaseChanged, Plan
 from swarmctl.estimation.integrity.health import sentence
 from swarmctl.events import (
     ArrivalTime,
-    Command,
     CommandOutcome,
-    Decision,
     FeedConnection,
-    HealthChanged,
     InputRejected,
     LinkConnection,
-    MissionEnded,
-    Notice,
     Observation,
     OperatorRequest,
-    PhaseChanged,
-    Plan,
     RangeDifferences,
     StatusText,
     VehicleObservation,
@@ -51,6 +46,7 @@ from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.preflight import Preflight
 from swarmctl.mission.setpoints import setpoints, slots_flown
 from swarmctl.mission.target import Target
+from swarmctl.results import MissionResult
 
 PERIOD_S = 0.1
 """Control period, s."""
@@ -105,7 +101,7 @@ class Controller:
         self._planned: Planned | None = None
         self._worst_error_m = 0.0
         self._is_track_doubted = False
-        self._result = ("", "")
+        self._result = (MissionResult.NOT_LOCATED, "")
         self._commands: list[Command] = []
         self._decisions: list[Decision] = []
         self._notices: set[str] = set()
@@ -125,7 +121,9 @@ class Controller:
             case ArrivalTime():
                 self.observer.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
-                self._fail(Failure("cancelled", "the operator asked for the return home"), now)
+                self._fail(
+                    Failure(MissionResult.CANCELLED, "the operator asked for the return home"), now
+                )
             case FeedConnection(connected=connected):
                 text = "the broker is back" if connected else "the broker is lost; reconnecting"
                 self._say(now, "warning", text, once=False)
@@ -176,8 +174,8 @@ class Controller:
         return self.phase is Phase.ENDED
 
     @property
-    def result(self) -> tuple[str, str]:
-        """Result's name and one sentence; empty before they are known."""
+    def result(self) -> tuple[MissionResult, str]:
+        """How the mission ends as far as is known, and one sentence; empty while it is unknown."""
         return self._result
 
     @property
@@ -254,7 +252,7 @@ class Controller:
 
     def _end(self, now: float) -> None:
         lost = next(iter(self._membership.lost.values()), None)
-        if lost is not None and self._result[0] == "located":
+        if lost is not None and self._result[0] is MissionResult.LOCATED:
             # Found what was looked for, but not everyone is home.
             self._result = (lost.result, f"{self._result[1]}, but {lost.detail}")
         self._decisions.append(
@@ -374,7 +372,7 @@ class Controller:
             detail = f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)"
             if self._reliance.trust is not Trust.FULL:
                 detail += f", if that may be believed: {sentence(self.observer.verdict)}"
-            self._result = ("located", detail)
+            self._result = (MissionResult.LOCATED, detail)
             self._move(Trigger.OBSERVED, self._result[1], now)
 
     def _come_down(self, now: float) -> None:

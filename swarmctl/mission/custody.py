@@ -5,6 +5,7 @@ from __future__ import annotations
 from swarmctl.events import Mode
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.loss_detection import Failure
+from swarmctl.results import MissionResult
 
 RESUME_S = 5.0
 """A vehicle that left guided mode on a failsafe it comes back from by itself has this long."""
@@ -56,11 +57,11 @@ class Custody:
                     continue
             self._failsafe_since.pop(sysid, None)
             self.released.add(sysid)
-            name = "vehicle_failsafe" if beat.failsafe else "taken_over"
+            result = MissionResult.VEHICLE_FAILSAFE if beat.failsafe else MissionResult.TAKEN_OVER
             cause = " on a failsafe of its own" if beat.failsafe else ""
             failures.append(
                 Failure(
-                    name,
+                    result,
                     f"vehicle {sysid} left guided mode for {beat.mode_name}{cause}: it is no"
                     " longer commanded",
                 )

@@ -7,20 +7,12 @@ from collections import deque
 
 import numpy as np
 
+from swarmctl.decisions import Decision, Estimate, HealthChanged, ReceiverEstimate
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.estimation.feed.measurement_queue import Tracker
 from swarmctl.estimation.integrity.health import Verdict, sentence
-from swarmctl.events import (
-    ArrivalTime,
-    Decision,
-    Estimate,
-    HealthChanged,
-    RangeDifferences,
-    ReceiverEstimate,
-    VehiclePosition,
-)
-from swarmctl.frames import Vector
+from swarmctl.events import ArrivalTime, RangeDifferences, VehiclePosition
 from swarmctl.mission.filter_settings import (
     emitter_prior,
     new_track,
@@ -29,6 +21,7 @@ from swarmctl.mission.filter_settings import (
 )
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.target import Target
+from swarmctl.units import Vector
 
 HISTORY_S = 5.0
 """Measurements up to this late are used, s."""

@@ -6,15 +6,14 @@ import math
 
 import numpy as np
 
-from swarmctl.estimation.feed.pairing import SPEED_OF_LIGHT_MPS
 from swarmctl.estimation.model.prior import Prior, sector
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.linear_track import LinearTrack
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
 from swarmctl.estimation.track.protocol import Track
 from swarmctl.estimation.track.track import Estimator
-from swarmctl.frames import Vector
 from swarmctl.mission.mission_file import Mission
+from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
 
 M_PER_NS = 1e-9 * SPEED_OF_LIGHT_MPS
 VERTICAL_SPEED_SIGMA_MPS = 0.001

@@ -19,7 +19,8 @@ from swarmctl.events import (
     VehicleStatus,
     VehicleVersion,
 )
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
+from swarmctl.units import Vector
 
 CLOCK_WINDOW_S = 3.0
 """The vehicles' clocks are judged by the reports of this long."""

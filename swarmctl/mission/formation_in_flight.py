@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.formation.design_choice import DesignBook
-from swarmctl.formation.designs import DESIGNS, Array
+from swarmctl.formation.designs import DESIGNS
 from swarmctl.formation.guidance import LineOfSight, follow_line_of_sight, go_to, wrap_angle
 from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.objectives import rms
@@ -17,6 +17,7 @@ from swarmctl.formation.separation import slot_separation
 from swarmctl.formation.slots import assign, level_design
 from swarmctl.mission.filter_settings import expected_enu
 from swarmctl.mission.mission_file import Mission
+from swarmctl.units import Array
 
 HOLD_RAD = math.radians(30.0)
 """While the LOS's own 1-sigma is above this, the formation turns with the geometry only."""

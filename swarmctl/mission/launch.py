@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from swarmctl.events import (
-    Arm,
-    Command,
-    CommandOutcome,
-    GoTo,
-    Mode,
-    SetMode,
-    TakeOff,
-    VehiclePosition,
-)
+from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
+from swarmctl.events import CommandOutcome, Mode, VehiclePosition
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.loss_detection import Failure, Watch
+from swarmctl.results import MissionResult
 
 STAGGER_S = 2.0
 """One vehicle starts this long after the other."""
@@ -45,9 +38,9 @@ class Step(Enum):
 
 _NEXT = {Step.MODE: Step.ARM, Step.ARM: Step.TAKE_OFF, Step.TAKE_OFF: Step.CLIMB}
 _REFUSED = {
-    Step.MODE: ("mode_refused", "switch to guided mode"),
-    Step.ARM: ("arming_refused", "arm"),
-    Step.TAKE_OFF: ("take_off_refused", "take off"),
+    Step.MODE: (MissionResult.MODE_REFUSED, "switch to guided mode"),
+    Step.ARM: (MissionResult.ARMING_REFUSED, "arm"),
+    Step.TAKE_OFF: (MissionResult.TAKE_OFF_REFUSED, "take off"),
 }
 _COMMAND_OF = {Step.MODE: "SetMode", Step.ARM: "Arm", Step.TAKE_OFF: "TakeOff"}
 
@@ -166,7 +159,7 @@ class Launch:
             self._steps[vehicle.sysid] = Step.UP
         elif now - self._climbing_since[vehicle.sysid] > TAKE_OFF_TIMEOUT_S:
             self.failure = Failure(
-                "take_off_timeout",
+                MissionResult.TAKE_OFF_TIMEOUT,
                 f"vehicle {vehicle.sysid} has not reached {vehicle.altitude_amsl_m:g} m AMSL"
                 f" {TAKE_OFF_TIMEOUT_S:g} s after take-off: check its climb rate and its load",
             )

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.formation.dogleg import DogLegs, Situation, Terms, turned
 from swarmctl.formation.guidance import approach_and_orbit, orbit_speed, pace, wrap_angle
@@ -15,9 +14,7 @@ from swarmctl.mission.formation_in_flight import HOLD_RAD, Shape
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.target import Target
-
-Array = NDArray[np.float64]
-Vector2 = tuple[float, float]
+from swarmctl.units import Array, Vector2
 
 LEASH_M = (4.0, 12.0)
 """The reference slows from full speed to a stop as the worst slot error grows between these."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
+from swarmctl.results import MissionResult
 
 LOST_AFTER_S = 5.0
 """A vehicle without a position for this long counts as lost in flight."""
@@ -25,7 +26,7 @@ class Failure:
     ``sysid`` is the vehicle's, if one vehicle is at fault.
     """
 
-    result: str
+    result: MissionResult
     detail: str
     sysid: int | None = None
 
@@ -70,14 +71,14 @@ class Watch:
             if not vehicle.is_armed:
                 if all_up:
                     return Failure(
-                        "vehicle_lost",
+                        MissionResult.VEHICLE_LOST,
                         f"vehicle {vehicle.sysid} disarmed in flight",
                         vehicle.sysid,
                     )
                 continue
             if self.is_lost(vehicle, now):
                 return Failure(
-                    "vehicle_lost",
+                    MissionResult.VEHICLE_LOST,
                     f"vehicle {vehicle.sysid} has been silent for {vehicle.silence_s(now):.0f} s",
                     vehicle.sysid,
                 )
@@ -85,7 +86,7 @@ class Watch:
             reserve = self._mission.limits.battery_reserve
             if battery is not None and battery < reserve:
                 return Failure(
-                    "low_battery",
+                    MissionResult.LOW_BATTERY,
                     f"the battery of vehicle {vehicle.sysid} is at {battery:.0%}, below the"
                     f" reserve of {reserve:.0%}",
                 )
@@ -116,17 +117,19 @@ class Watch:
         feed = self._mission.feed
         if now - heard > feed.timeout_s + self._hiccup_s:
             return Failure(
-                "feed_silent",
+                MissionResult.FEED_SILENT,
                 f"no usable range difference came from {feed.broker} for {feed.timeout_s:g} s:"
                 " check the receivers and the broker",
             )
         if not plan_broken or self._good_plan_s is None:
             self._good_plan_s = now
         elif now - self._good_plan_s > BROKEN_PLAN_S:
-            return Failure("plan_rejected", "no plan within the mission's limits can be found")
+            return Failure(
+                MissionResult.PLAN_REJECTED, "no plan within the mission's limits can be found"
+            )
         if now - started_s > self._mission.goal.time_limit_s:
             return Failure(
-                "not_located",
+                MissionResult.NOT_LOCATED,
                 f"the emitter is not located to {self._mission.goal.sigma_m:g} m (1 sigma) within"
                 f" goal.time_limit_s = {self._mission.goal.time_limit_s:g} s",
             )

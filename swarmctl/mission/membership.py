@@ -12,6 +12,7 @@ from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
 from swarmctl.mission.planner import Planner
 from swarmctl.mission.target import Target
+from swarmctl.results import MissionResult
 
 
 class Membership:
@@ -56,7 +57,7 @@ class Membership:
         """
         left = len(self._planner.companions) - 1
         if (
-            failure.result != "vehicle_lost"
+            failure.result is not MissionResult.VEHICLE_LOST
             or failure.sysid is None
             or phase not in FLYING_FORMATION
             or left < self._mission.formation.min_companions

@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
 from swarmctl.formation.constraints import (
@@ -33,9 +32,7 @@ from swarmctl.mission.lead import FENCE_MARGIN_M, Lead
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
 from swarmctl.mission.target import Target
-
-Array = NDArray[np.float64]
-Vector2 = tuple[float, float]
+from swarmctl.units import Array, Vector2
 
 SLOT_GAIN = 0.5
 """Speed with which a planned companion closes on its slot, 1/s."""
@@ -103,7 +100,7 @@ class Planner:
             mission.formation.separation_margin_m,
         )
         self._positions = np.zeros((len(self._altitudes), 2))
-        self._velocities = np.zeros_like(self._positions)
+        self._velocities: Array = np.zeros_like(self._positions)
         self._returning: set[int] = set()
         self._lead = Lead(mission, self._shape, self._speeds)
         # Half of the margin is left to what vehicle and wind make of the plan.

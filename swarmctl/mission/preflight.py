@@ -7,20 +7,15 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.events import (
-    Command,
-    CommandOutcome,
-    RequestHome,
-    RequestVersion,
-    StreamTelemetry,
-    UploadFence,
-)
+from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTelemetry, UploadFence
+from swarmctl.events import CommandOutcome
 from swarmctl.formation.separation import least_distances
 from swarmctl.mission.failsafes.session import Settings
 from swarmctl.mission.filter_settings import expected_enu
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.loss_detection import Failure
 from swarmctl.mission.mission_file import Mission
+from swarmctl.results import MissionResult
 
 POSITION_HZ = 10.0
 """Position reports asked of every vehicle, Hz."""
@@ -258,7 +253,7 @@ class Preflight:
             (text for v in vehicles if (text := clock_fault(v, self._hiccup_s)) is not None), None
         )
         if fault is not None:
-            self.failure = Failure("clock_mismatch", fault)
+            self.failure = Failure(MissionResult.CLOCK_MISMATCH, fault)
             return []
         unready = {
             v.sysid for v in vehicles if unmet_checks(v, self._mission, may_fly=self._shadow)
@@ -282,12 +277,12 @@ class Preflight:
             self._heard_since = now
         refusal = None if unready or self._shadow else self.settings.refusal()
         if refusal is not None:
-            self.failure = Failure("unsafe_failsafes", refusal)
+            self.failure = Failure(MissionResult.UNSAFE_FAILSAFES, refusal)
         elif not unmet:
             self._check_together()
         elif now - self._heard_since > CHECK_TIMEOUT_S:
             missing = (f"vehicle {sysid}: {', '.join(texts)}" for sysid, texts in unmet.items())
-            self.failure = Failure("not_ready", "; ".join(missing))
+            self.failure = Failure(MissionResult.NOT_READY, "; ".join(missing))
         return commands
 
     def warnings(self) -> list[str]:
@@ -343,7 +338,7 @@ class Preflight:
         silent = [str(v.sysid) for v in vehicles if v.heartbeat is None]
         who = f"vehicle {silent[0]}" if len(silent) == 1 else f"vehicles {', '.join(silent)}"
         return Failure(
-            "vehicle_silent",
+            MissionResult.VEHICLE_SILENT,
             f"{who} never answered on {' or '.join(self._mission.swarm.link)} within"
             f" {ANSWER_TIMEOUT_S:.0f} s: check power, radio, system id and where the vehicle"
             " sends its MAVLink",
@@ -352,6 +347,6 @@ class Preflight:
     def _check_together(self) -> None:
         faults = fleet_faults(self._fleet, self._mission)
         if faults:
-            self.failure = Failure("not_ready", "; ".join(faults))
+            self.failure = Failure(MissionResult.NOT_READY, "; ".join(faults))
         else:
             self.complete = True

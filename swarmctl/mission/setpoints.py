@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from swarmctl.events import GoTo, Slot
-from swarmctl.frames import Vector
+from swarmctl.commands import GoTo
+from swarmctl.decisions import Slot
 from swarmctl.mission.fleet import Fleet
 from swarmctl.mission.planner import Planned, Planner
+from swarmctl.units import Vector
 
 
 def setpoints(planned: Planned, fleet: Fleet, ours: Sequence[bool]) -> list[GoTo]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.estimation.integrity.health import Status, sentence
-from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
+from swarmctl.units import Vector
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from swarmctl.frames import Vector
-
-Array = NDArray[np.float64]
+from swarmctl.units import Array, Vector
 
 TRUSTED_SPEED_SIGMA_MPS = 0.5
 """The emitter's estimated velocity is fed forward once its 1-sigma is below this."""

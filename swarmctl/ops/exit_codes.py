@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from swarmctl.results import MissionResult
+
 LOCATED = 0
 NOT_LOCATED = 1
 BAD_INPUT = 2
@@ -18,8 +20,14 @@ MEANING = {
 """Every exit code of the command line."""
 
 
-def exit_code(result: str) -> int:
-    """Exit code of a mission's result."""
-    return {"located": LOCATED, "not_located": NOT_LOCATED, "cancelled": CANCELLED}.get(
-        result, FAILED
-    )
+def exit_code(result: MissionResult | None) -> int:
+    """Exit code of a mission's result; of None, for a mission that did not end, as well."""
+    match result:
+        case MissionResult.LOCATED:
+            return LOCATED
+        case MissionResult.NOT_LOCATED:
+            return NOT_LOCATED
+        case MissionResult.CANCELLED:
+            return CANCELLED
+        case _:
+            return FAILED

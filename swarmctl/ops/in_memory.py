@@ -14,8 +14,8 @@ from pathlib import Path
 from sim.noise import generator
 from sim.radio_channel import Channel, Impairments
 from sim.world import World
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.mission.mission_file_loading import load_mission
@@ -24,6 +24,7 @@ from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing_key
 from swarmctl.ops.simulation import sim_config, simulation_section
 from swarmctl.ops.station import Station
+from swarmctl.recorder.summary import FlightSummary
 
 STEP_S = 0.02
 """Bytes are exchanged this often, virtual s: the delay of the in-memory links."""
@@ -45,7 +46,7 @@ def fly_in_memory(
     snapshot_every_s: float = 10.0,
     until: Callable[[Snapshot], bool] | None = None,
     impairments: Impairments = PERFECT,
-) -> dict[str, object]:
+) -> FlightSummary:
     """Fly a mission against simulated vehicles on a virtual clock.
 
     Args:

@@ -14,8 +14,8 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.events import Notice
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.link.codec.messages import Address
@@ -27,6 +27,7 @@ from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
+from swarmctl.recorder.summary import FlightSummary
 
 if TYPE_CHECKING:
     from swarmctl.link.mavsdk_link import MavsdkLink
@@ -58,7 +59,7 @@ async def fly(
     on_snapshot: Callable[[Snapshot], None] | None = None,
     on_notice: Callable[[Notice], None] | None = None,
     snapshot_every_s: float = 1.0,
-) -> dict[str, object]:
+) -> FlightSummary:
     """Fly a mission with whatever vehicles answer on its link.
 
     Ctrl-C (SIGINT or SIGTERM) brings the swarm home; a second one leaves at once.

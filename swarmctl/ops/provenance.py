@@ -6,13 +6,22 @@ import platform
 import subprocess
 from importlib import metadata
 from pathlib import Path
+from typing import TypedDict
 
 import swarmctl
 
 _PACKAGES = ("numpy", "scipy", "pymavlink", "aiomqtt", "amqtt", "mcap")
 
 
-def provenance(seed: int | None) -> dict[str, object]:
+class Provenance(TypedDict):
+    """Seed of the simulation, versions of what shapes numbers, and the commit."""
+
+    seed: int | None
+    versions: dict[str, str]
+    commit: str | None
+
+
+def provenance(seed: int | None) -> Provenance:
     """Seed, versions of swarmctl, Python and the packages that shape numbers, and the commit.
 
     ``commit`` is None outside a checkout, and ends in ``-dirty`` where files have changed.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from types import TracebackType
 
+import msgspec
+
 from swarmctl.events import Record
 from swarmctl.mission.filter_settings import (
     emitter_prior,
@@ -18,7 +20,7 @@ from swarmctl.ops.provenance import provenance
 from swarmctl.ops.station import Station
 from swarmctl.recorder.debrief import Debrief, DebriefSettings
 from swarmctl.recorder.flight_recorder import FlightRecorder
-from swarmctl.recorder.summary import write_summary
+from swarmctl.recorder.summary import FlightSummary, write_summary
 
 
 class Recording:
@@ -98,7 +100,7 @@ class Recording:
             self._recorder.close()
             self._recorder = None
 
-    def summary(self, station: Station, wall_s: float) -> dict[str, object]:
+    def summary(self, station: Station, wall_s: float) -> FlightSummary:
         """The flight's figures; written with the plots where there is a directory.
 
         Args:
@@ -106,13 +108,13 @@ class Recording:
             wall_s: Wall time of the flight, s.
         """
         self.close()
-        summary = {
-            **self._debrief.summary(),
+        summary = FlightSummary(
+            **msgspec.structs.asdict(self._debrief.figures()),
             **station.counts(),
-            "wall_s": wall_s,
-            "mission": station.controller.mission.name,
             **self._provenance,
-        }
+            wall_s=wall_s,
+            mission=station.controller.mission.name,
+        )
         if self._out is not None:
             from swarmctl.recorder.plots import write_plots  # noqa: PLC0415 - matplotlib is slow
 

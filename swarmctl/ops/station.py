@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
 import msgspec
 import numpy as np
 
+from swarmctl.commands import Inquiry
+from swarmctl.decisions import Estimate, Notice
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.events import (
     EmitterTruth,
-    Estimate,
     FeedConnection,
-    Inquiry,
     LinkConnection,
-    Notice,
     Observation,
     OperatorRequest,
     ReceiverTruth,
@@ -40,9 +39,23 @@ from swarmctl.link.vehicle_link import Backend
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
+from swarmctl.units import CHI2_95_2DOF
 
 ESTIMATE_PERIOD_S = 0.5
 """The estimate is published at most this often, station's s."""
+
+
+class TrafficCounts(TypedDict):
+    """What went in and out of a station; the meanings are those of ``FlightSummary``."""
+
+    mavlink_messages_in: int
+    mavlink_rejected: int
+    setpoints_out: int
+    setpoints_dropped: int
+    feed_rejected: int
+    rd_dropped: int
+    rd_aside: int
+    rd_repeated: int
 
 
 class Recorder(Protocol):
@@ -53,10 +66,6 @@ class Recorder(Protocol):
 
     def frame(self, raw: bytes, utc_s: float) -> None:
         """Keep a MAVLink frame."""
-
-
-CHI2_95_2DOF = 5.991464547107979
-"""95 % quantile of chi-squared with two degrees of freedom: scales 1-sigma axes to 95 %."""
 
 
 class Station:
@@ -228,7 +237,7 @@ class Station:
         """The mission at this instant."""
         return take_snapshot(self.controller, now)
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> TrafficCounts:
         """What went in and out, for the summary."""
         return {
             "mavlink_messages_in": self.link.messages_in,

@@ -13,28 +13,32 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.events import (
-    ArrivalTime,
+from swarmctl.decisions import (
     Decision,
-    EmitterTruth,
     Estimate,
     HealthChanged,
     MissionEnded,
-    Observation,
     PhaseChanged,
     Plan,
-    RangeDifferences,
     ReceiverEstimate,
+)
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.events import (
+    ArrivalTime,
+    EmitterTruth,
+    Observation,
+    RangeDifferences,
     ReceiverTruth,
     Record,
     VehiclePosition,
 )
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
 from swarmctl.recorder.distances import Distances
 from swarmctl.recorder.estimate_accuracy import Accuracy, Outcome
 from swarmctl.recorder.plot_series import Extremes, FlightSeries, Series
+from swarmctl.recorder.summary import FlightFigures
 from swarmctl.recorder.truth import MAX_EXTRAPOLATION_S, TruthTrack
+from swarmctl.units import Vector
 
 
 @dataclass(frozen=True)
@@ -160,34 +164,8 @@ class Debrief:
         self._settle(self._truth.latest_s + MAX_EXTRAPOLATION_S)
         return self._accuracy.final
 
-    def summary(self) -> dict[str, object]:
-        """The figures of the flight; lengths in m, times in s of mission time.
-
-        ``result``, ``detail``
-            How the mission ended; None if it did not.
-        ``duration_s``
-            From the first record to the end.
-        ``final_error_m``, ``final_sigma_m``, ``pcrb_final_m``, ``nees_final``, ``final_range_m``
-            At the last estimate of the observing phases (of the flight, if it never observed):
-            horizontal distance from the true emitter; larger horizontal 1-sigma axis of the
-            estimate and of the Cramér-Rao bound along the flown geometry; normalised
-            estimation error squared of the horizontal position (2 degrees of freedom); 3-D
-            distance of the reference UAV from the emitter.
-        ``nees_mean``
-            Mean horizontal NEES over the estimates of the observing phases after convergence.
-        ``converged_s``
-            From the first formed plan until the estimate converged, which is when its larger
-            1-sigma axis first was below 25 m; 0 if it converged while forming up.
-        ``slot_error_rms_m``, ``max_slot_error_m``, ``max_reference_range_m``
-            Of the followers, while the formation stood in the observing phases.
-        ``min_separation_m``, ``min_standoff_m``
-            Least 3-D distance of two airborne UAVs, and of an airborne UAV from the emitter.
-        ``d_max_m``, ``stand_off_m``
-            The mission's limits.
-        ``rd_measurements``, ``estimates``
-            Range differences or arrival times received, and estimates made.
-        ``health``
-            Seconds that the track was in each status until the end; None if it told none.
+    def figures(self) -> FlightFigures:
+        """The figures of the flight so far.
 
         May be called at any time, and again; truth may come up to 2 s short of the end.
         """
@@ -198,32 +176,32 @@ class Debrief:
         converged_s = None
         if accuracy.converged_at_s is not None and self._formed_at_s is not None:
             converged_s = max(0.0, accuracy.converged_at_s - self._formed_at_s)
-        return {
-            "result": None if end is None else end.result,
-            "detail": None if end is None else end.detail,
-            "duration_s": self.duration_s,
-            "final_error_m": None if final is None else final.error_m,
-            "final_sigma_m": accuracy.final_sigma_m,
-            "final_range_m": None if final is None else final.range_m,
-            "pcrb_final_m": None if final is None else final.bound_m,
-            "nees_final": None if final is None else final.nees,
-            "nees_mean": accuracy.nees_mean,
-            "converged_s": converged_s,
-            "slot_error_rms_m": (
+        return FlightFigures(
+            result=None if end is None else end.result,
+            detail=None if end is None else end.detail,
+            duration_s=self.duration_s,
+            final_error_m=None if final is None else final.error_m,
+            final_sigma_m=accuracy.final_sigma_m,
+            final_range_m=None if final is None else final.range_m,
+            pcrb_final_m=None if final is None else final.bound_m,
+            nees_final=None if final is None else final.nees,
+            nees_mean=accuracy.nees_mean,
+            converged_s=converged_s,
+            slot_error_rms_m=(
                 math.sqrt(self._slot_error_sq_sum / self._slot_errors)
                 if self._slot_errors
                 else None
             ),
-            "max_slot_error_m": self._max_slot_error_m,
-            "max_reference_range_m": self._max_range_m,
-            "min_separation_m": self._distances.min_separation_m,
-            "min_standoff_m": self._distances.min_standoff_m,
-            "d_max_m": self.settings.d_max_m,
-            "stand_off_m": self.settings.stand_off_m,
-            "rd_measurements": self._rd_measurements,
-            "estimates": self._estimates,
-            "health": health or None,
-        }
+            max_slot_error_m=self._max_slot_error_m,
+            max_reference_range_m=self._max_range_m,
+            min_separation_m=self._distances.min_separation_m,
+            min_standoff_m=self._distances.min_standoff_m,
+            d_max_m=self.settings.d_max_m,
+            stand_off_m=self.settings.stand_off_m,
+            rd_measurements=self._rd_measurements,
+            estimates=self._estimates,
+            health=health or None,
+        )
 
     def _position(self, record: VehiclePosition, time_s: float) -> None:
         epoch_s = record.epoch_utc_s

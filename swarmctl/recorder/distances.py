@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from swarmctl.frames import Vector
 from swarmctl.recorder.plot_series import FlightSeries, Series
 from swarmctl.recorder.truth import TruthTrack
+from swarmctl.units import Vector
 
 AIRBORNE_M = 3.0
 """A UAV counts as airborne this far above its first reported altitude."""

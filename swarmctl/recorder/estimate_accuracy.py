@@ -10,16 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from swarmctl.decisions import Estimate
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.feed.alignment import PositionHistory
 from swarmctl.estimation.feed.pairing import Arrival, differences
 from swarmctl.estimation.kernels.augmented import star
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.events import ArrivalTime, Estimate, RangeDifferences
-from swarmctl.frames import Vector
+from swarmctl.events import ArrivalTime, RangeDifferences
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
+from swarmctl.units import Vector
 
 CONVERGED_SIGMA_M = 25.0
 """The estimate counts as converged once its larger 1-sigma axis is below this."""

@@ -15,10 +15,10 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 import swarmctl
+from swarmctl.commands import Command
+from swarmctl.decisions import Decision
 from swarmctl.events import (
     ArrivalTime,
-    Command,
-    Decision,
     EmitterTruth,
     FeedConnection,
     OperatorRequest,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 Row = tuple[float, ...]
 

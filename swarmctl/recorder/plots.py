@@ -36,12 +36,11 @@ from swarmctl.recorder.plot_panels import (
 )
 from swarmctl.recorder.plot_series import EXTREMES_INTERVAL_S, Series
 from swarmctl.recorder.receiver_plot import draw_receivers
+from swarmctl.units import CHI2_95_2DOF
 
 MAP_FILE, ERROR_FILE, SLOTS_FILE, RANGES_FILE = "map.png", "error.png", "slots.png", "ranges.png"
 RECEIVERS_FILE = "receivers.png"
 
-CHI2_95_2DOF = 5.991464547107979
-"""95 % quantile of chi-squared with two degrees of freedom: scales 1-sigma axes to 95 %."""
 
 _EMITTER = "#c1121f"
 _LIMIT = "#c1121f"

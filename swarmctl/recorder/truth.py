@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 MAX_EXTRAPOLATION_S = 2.0
 """A flight's last estimates may be this much younger than the last sample of the truth."""

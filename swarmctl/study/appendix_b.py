@@ -32,20 +32,23 @@ What (51) does not say
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import (
     effective_relative_covariance,
     jacobian,
     range_differences,
 )
-from swarmctl.study import paper_filters as paper
+from swarmctl.study import paper_filters
 from swarmctl.study.engagement import Engagement, fly, measure
 from swarmctl.study.paper_information import (
     increment_covariance,
@@ -53,6 +56,7 @@ from swarmctl.study.paper_information import (
     optimal_increment,
     robust_increment,
 )
+from swarmctl.units import Array
 
 _PER_DECADE = 6
 _DRAWS = 100_000
@@ -61,7 +65,8 @@ _NODES = 9
 """Of the quadrature, per axis."""
 
 
-class Convergence(NamedTuple):
+@dataclass(frozen=True)
+class Convergence:
     """Relative difference of A_k and I_o in one norm, against the number of epochs.
 
     Attributes:
@@ -80,20 +85,10 @@ class Convergence(NamedTuple):
     slope: float
     measured_slope: float
 
-    def to_json(self) -> dict[str, object]:
-        """As numbers and lists of numbers."""
-        return {
-            "predicted": self.predicted.tolist(),
-            "true_weight": self.true_weight.tolist(),
-            "measured_weight": self.measured_weight.tolist(),
-            "floor": self.floor,
-            "slope": self.slope,
-            "measured_slope": self.measured_slope,
-        }
 
-
-class InformationStudy(NamedTuple):
-    """What :func:`information` finds.
+@dataclass(frozen=True)
+class InformationStudy:
+    """What :func:`run_information` finds.
 
     Attributes:
         runs: Noise sequences.
@@ -119,20 +114,6 @@ class InformationStudy(NamedTuple):
     bias_m: float
     nees: float
 
-    def to_json(self) -> dict[str, object]:
-        """As numbers, lists of numbers and dictionaries of these."""
-        return {
-            "runs": self.runs,
-            "epochs": self.epochs.tolist(),
-            "frobenius": self.frobenius.to_json(),
-            "scaled": self.scaled.to_json(),
-            "claimed_m": self.claimed_m,
-            "attainable_m": self.attainable_m,
-            "error_m": self.error_m,
-            "bias_m": self.bias_m,
-            "nees": self.nees,
-        }
-
 
 class _Still(NamedTuple):
     """The geometry, and what is made of its true values."""
@@ -141,7 +122,7 @@ class _Still(NamedTuple):
     rd: Array
     variance: Array
     sigma_p: float
-    weight: paper.Uncertainty
+    weight: paper_filters.Uncertainty
 
 
 class _Sums(NamedTuple):
@@ -152,7 +133,7 @@ class _Sums(NamedTuple):
     score: Array
 
 
-def information(
+def run_information(
     *, runs: int, epochs: int, seed: int, formation: Array, engagement: Engagement | None = None
 ) -> InformationStudy:
     """Averaged information of the NCRKF against that of the "optimal" filter, Eq. (51).
@@ -179,7 +160,7 @@ def information(
     rd = range_differences(moment.emitter[:d], moment.reference, moment.companions)
     Cr = engagement.rd_covariance(n)
     variance, sigma_p = np.diag(Cr), engagement.sigma_p_m
-    weight = paper.uncertainty(baselines, rd, variance, sigma_p)
+    weight = paper_filters.uncertainty(baselines, rd, variance, sigma_p)
     still = _Still(baselines, rd, variance, sigma_p, weight)
 
     optimal = optimal_increment(baselines, rd, weight)
@@ -228,15 +209,22 @@ def information(
     )
 
 
+def write_information(studies: Mapping[str, InformationStudy], seed: int, out: Path) -> None:
+    """Write ``information.json``, one entry for each formation, into a folder."""
+    document = {"seed": seed, "formations": studies}
+    text = msgspec.json.encode(document, enc_hook=lambda array: array.tolist())
+    (out / "information.json").write_bytes(msgspec.json.format(text, indent=1) + b"\n")
+
+
 def _add(sums: _Sums, baselines: Array, rd: Array, still: _Still) -> None:
     """Add the information and the score of measurements (runs, block, N, ...)."""
     variance, sigma_p, weight = still.variance, still.sigma_p, still.weight
     sums.true_weight[:] += robust_increment(baselines, rd, weight).sum(1)
-    own = paper.uncertainty(baselines, rd, variance, sigma_p)
+    own = paper_filters.uncertainty(baselines, rd, variance, sigma_p)
     sums.measured_weight[:] += robust_increment(baselines, rd, own).sum(1)
     # H~ᵀ R⁻¹ y - V, by Eq. (9) what the least squares solution has on its right-hand side.
-    y = paper.measurement(baselines, rd, variance, sigma_p)
-    score = np.vecmat(y / weight.R, paper.rows(baselines, rd))
+    y = paper_filters.measurement(baselines, rd, variance, sigma_p)
+    score = np.vecmat(y / weight.R, paper_filters.rows(baselines, rd))
     sums.score[:] += (score - (own.V / weight.R[:, None]).sum(-2)).sum(1)
 
 
@@ -251,7 +239,7 @@ def _mean_with_measured_weight(still: _Still) -> Array:
     share = np.prod(np.meshgrid(*(weights / weights.sum(),) * (d + 1), indexing="ij"), 0).ravel()
     baselines = still.baselines + np.sqrt(2.0) * still.sigma_p * z[..., :d]
     rd = still.rd + np.sqrt(still.variance) * z[..., d]
-    own = paper.uncertainty(baselines, rd, still.variance, still.sigma_p)
+    own = paper_filters.uncertainty(baselines, rd, still.variance, still.sigma_p)
     mean: Array = np.tensordot(share, robust_increment(baselines, rd, own), 1)
     return mean
 

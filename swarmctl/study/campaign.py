@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.bounds.pcrb import CramerRaoBound
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity
 from swarmctl.estimation.model.range_difference import effective_relative_covariance
@@ -24,6 +23,7 @@ from swarmctl.study.executors import in_order
 from swarmctl.study.filters import Belief, Filter, Scan
 from swarmctl.study.starts import CA, CV, JUMP, Draw, Start
 from swarmctl.study.tally import BoundTally, Tally
+from swarmctl.units import Array, Mask
 
 CHUNK = 200
 """Runs flown at once: enough to make numpy quick, few enough for the processor's cache."""
@@ -87,7 +87,7 @@ class FormationResult:
         self.ca_bound += other.ca_bound
 
 
-def run(
+def run_campaign(
     campaign: Campaign,
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,

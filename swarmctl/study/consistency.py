@@ -11,10 +11,12 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from swarmctl.errors import UsageError
-from swarmctl.study import registry
-from swarmctl.study.campaign import Campaign, FormationResult, run
+from swarmctl.study.campaign import Campaign, FormationResult, run_campaign
 from swarmctl.study.engagement import Engagement
+from swarmctl.study.registry import JUDGED, PERPENDICULAR, Registry
 from swarmctl.study.starts import DrawnEstimate, DrawnTruth, RangeIgnorant, Start
 from swarmctl.study.tally import Figure
 
@@ -125,7 +127,8 @@ class Row:
     shortfalls: tuple[str, ...] | None
 
 
-def consistency(
+def run_consistency(
+    registry: Registry,
     *,
     runs: int = 500,
     seed: int = 0,
@@ -136,6 +139,7 @@ def consistency(
     """Fly every case with every registered filter, in the paper's formation of N = 3.
 
     Args:
+        registry: The filters to compare.
         runs: Per case.
         seed: Of all draws.
         cases: Names in :data:`CASES`.
@@ -149,7 +153,7 @@ def consistency(
     unknown = [name for name in cases if name not in CASES]
     if unknown:
         raise UsageError(f"There is no case {unknown[0]!r}; there are {', '.join(CASES)}.")
-    formation = {"perpendicular": registry.formations()["perpendicular"]}
+    formation = {"perpendicular": np.array(PERPENDICULAR)}
     rows = []
     for index, name in enumerate(cases):
         case = CASES[name]
@@ -167,7 +171,7 @@ def consistency(
         def progress(done: int, total: int, before: int = done_before) -> None:
             on_progress(before + done, total * len(cases))
 
-        result = run(campaign, executor, progress)["perpendicular"]
+        result = run_campaign(campaign, executor, progress)["perpendicular"]
         rows += [_row(name, case, candidate, result) for candidate in campaign.filters]
     return rows
 
@@ -193,7 +197,7 @@ def _row(name: str, case: Case, candidate: str, result: FormationResult) -> Row:
             )
         )
     lost = int(tally.lost[round(LOST_AT_S / period)])
-    shortfalls = _shortfalls(case.target, instants, lost) if candidate == registry.JUDGED else None
+    shortfalls = _shortfalls(case.target, instants, lost) if candidate == JUDGED else None
     return Row(
         name, candidate, tally.runs, tuple(instants), lost, int(tally.guarded.sum()), shortfalls
     )

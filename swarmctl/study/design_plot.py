@@ -9,16 +9,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from swarmctl.formation.information import Array, fisher
+from swarmctl.formation.information import fisher
 from swarmctl.formation.report import DesignReport
 from swarmctl.formation.requirements import Requirements
 from swarmctl.study.paper_index import exact_independent
+from swarmctl.units import Array
 
 _STEPS = 121
 """Angles per axis of the maps."""
 
 
-def write_design(report: DesignReport, requirements: Requirements, path: Path) -> None:
+def draw_design(report: DesignReport, requirements: Requirements, path: Path) -> None:
     """Draw a design's slots and, like the paper's Fig. 2, information against two angles.
 
     The first two companions go round the reference UAV at d_max, the others stay in their

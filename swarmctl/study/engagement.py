@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
 from swarmctl.study.filters import Prior, Scan, Truth
+from swarmctl.units import Array
 
 
 @dataclass(frozen=True)

@@ -24,15 +24,16 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
-from swarmctl.estimation.kernels import ekf as extended
-from swarmctl.estimation.kernels import ncrkf as consistent
+from swarmctl.estimation.arguments import as_covariance, as_finite
+from swarmctl.estimation.kernels import ekf as ekf_kernel
+from swarmctl.estimation.kernels import ncrkf as ncrkf_kernel
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity, Motion
 from swarmctl.estimation.model.range_difference import (
     effective_covariance,
     effective_relative_covariance,
 )
-from swarmctl.study import paper_filters as paper
+from swarmctl.study import paper_filters
+from swarmctl.units import Array, Mask
 
 
 class Prior(NamedTuple):
@@ -312,7 +313,7 @@ class _ConsistentNcrkf(_InCoordinates):
         x, P = self.coordinates.predict(belief, scan)
         at = self.coordinates.geometry(x, scan)
         # The positions' noise is in the covariance already: sigma_p 0 adds nothing.
-        result = consistent.update(
+        result = ncrkf_kernel.update(
             x, P, at.reference, at.companions, scan.rd, at.covariance, sigma_p=0.0
         )
         return Belief(result.x, result.P, result.guarded)
@@ -324,7 +325,7 @@ class _IteratedEkf(_InCoordinates):
 
     def step(self, belief: Belief, scan: Scan) -> Belief:
         x, P = self.coordinates.predict(belief, scan)
-        return Belief(*extended.update(x, P, *self._arguments(x, scan), self.iterations))
+        return Belief(*ekf_kernel.update(x, P, *self._arguments(x, scan), self.iterations))
 
     def _arguments(self, x: Array, scan: Scan) -> tuple[Array, Array, Array, Array]:
         at = self.coordinates.geometry(x, scan)
@@ -346,7 +347,9 @@ class _PaperEkf:
         x, P = self._in(scan.reference.shape[-1]).predict(belief, scan)
         baselines = scan.companions - scan.reference[..., None, :]
         R = np.diag(np.diag(scan.rd_covariance))
-        return Belief(*extended.update(x, P, np.zeros_like(scan.reference), baselines, scan.rd, R))
+        return Belief(
+            *ekf_kernel.update(x, P, np.zeros_like(scan.reference), baselines, scan.rd, R)
+        )
 
     def track(self, belief: Belief, scan: Scan) -> Track:
         return self._in(scan.reference.shape[-1]).track(belief, scan)
@@ -395,7 +398,7 @@ class _PaperNcrkf(_PaperState):
         x, P = self.predict(belief, scan)
         baselines = scan.companions - scan.reference[..., None, :]
         variance = np.diag(scan.rd_covariance)
-        return Belief(*paper.ncrkf_update(x, P, baselines, scan.rd, variance, scan.sigma_p))
+        return Belief(*paper_filters.ncrkf_update(x, P, baselines, scan.rd, variance, scan.sigma_p))
 
 
 @dataclass(frozen=True)
@@ -405,5 +408,5 @@ class _Okf(_PaperState):
         baselines = scan.companions - scan.reference[..., None, :]
         variance = np.diag(scan.rd_covariance)
         return Belief(
-            *paper.okf_update(x, P, *scan.truth, baselines, scan.rd, variance, scan.sigma_p)
+            *paper_filters.okf_update(x, P, *scan.truth, baselines, scan.rd, variance, scan.sigma_p)
         )

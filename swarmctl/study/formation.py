@@ -19,11 +19,11 @@ import numpy as np
 import yaml
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.study.executors import in_order
+from swarmctl.units import Array
 
 DESIGNS = ("uniform", "paper", "optimal")
 COMPANIONS = (3, 4, 6)
@@ -70,7 +70,7 @@ class Cell:
     of_best_95: tuple[float, float]
 
 
-def formation(
+def run_formation(
     *,
     runs: int = 100,
     seed: int = 0,
@@ -102,7 +102,7 @@ def formation(
     work = [(design, n, seed + k) for n in companions for design in designs for k in range(runs)]
     flights: dict[tuple[str, int], list[Flight]] = {}
     for done, ((design, n, _), flight) in enumerate(
-        zip(work, in_order(executor, fly, work), strict=True), start=1
+        zip(work, in_order(executor, fly_mission, work), strict=True), start=1
     ):
         flights.setdefault((design, n), []).append(flight)
         on_progress(done, len(work))
@@ -114,17 +114,16 @@ def formation(
     ]
 
 
-def fly(work: tuple[str, int, int]) -> Flight:
+def fly_mission(work: tuple[str, int, int]) -> Flight:
     """Fly one mission: a design's name, the number of companions, a seed."""
     design, companions, seed = work
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mission.yaml"
         path.write_text(mission_text(design, companions))
         summary = fly_in_memory(path, seed=seed, snapshot_every_s=LOOK_EVERY_S, until=_is_over)
-    converged, error = summary["converged_s"], summary["final_error_m"]
-    if not isinstance(converged, float) or not isinstance(error, float):
+    if summary.converged_s is None or summary.final_error_m is None:
         return Flight(np.inf, np.inf)
-    return Flight(converged, error)
+    return Flight(summary.converged_s, summary.final_error_m)
 
 
 def mission_text(design: str, companions: int) -> str:

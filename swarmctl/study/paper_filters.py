@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 _SINGULAR = "The update is singular: P must be positive definite and the variances positive."
 

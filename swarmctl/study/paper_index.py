@@ -27,14 +27,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
 from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.requirements import Noise
-
-Array = NDArray[np.floating]
+from swarmctl.units import Array
 
 
 def exact_independent(design: Array, range_m: float, noise: Noise) -> Array:

@@ -43,8 +43,9 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, require_shape
+from swarmctl.estimation.arguments import require_shape
 from swarmctl.study.paper_filters import Uncertainty, rows
+from swarmctl.units import Array
 
 
 def optimal_increment(baselines: Array, rd: Array, weight: Uncertainty) -> Array:

@@ -26,7 +26,7 @@ _QUANTITIES = (("x", "m"), ("y", "m"), ("x", "m/s"), ("y", "m/s"))
 _POSITION, _VELOCITY = (0, 1), (2, 3)
 
 
-def write_table1(table: Table1, out: Path) -> list[Path]:
+def draw_table1(table: Table1, out: Path) -> list[Path]:
     """Draw Figs. 2-9 and the NEES into a folder.
 
     Returns:
@@ -51,7 +51,7 @@ def write_table1(table: Table1, out: Path) -> list[Path]:
     return paths
 
 
-def write_information(studies: dict[str, InformationStudy], out: Path) -> Path:
+def draw_information(studies: dict[str, InformationStudy], out: Path) -> Path:
     """Draw how the NCRKF's information converges to the OKF's, Eq. (51), into a folder.
 
     Returns:

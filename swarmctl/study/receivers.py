@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.study.engagement import Moment
 from swarmctl.study.filters import Scan, Truth
+from swarmctl.units import Array
 
 ECHO_M = (50.0, 300.0)
 """What an echo adds to a range difference: uniform, m."""

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.study.engagement import Engagement, prior_at, relative_state
 from swarmctl.study.filters import Prior
+from swarmctl.units import Array
 
 CV = (0, 1, 3, 4)
 """Entries of the paper's state that a constant-velocity state has."""

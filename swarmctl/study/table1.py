@@ -8,20 +8,21 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import (
     effective_relative_covariance,
     jacobian,
     range_differences,
 )
-from swarmctl.study import jsonable, registry
-from swarmctl.study import paper_filters as paper
-from swarmctl.study.campaign import Campaign, FormationResult, run
+from swarmctl.study import paper_filters
+from swarmctl.study.campaign import Campaign, FormationResult, run_campaign
 from swarmctl.study.engagement import Engagement, fly
+from swarmctl.study.registry import Registry
 from swarmctl.study.starts import DrawnEstimate
 from swarmctl.study.tally import Tally
+from swarmctl.units import Array
 
 TIMES_S = (1.0, 4.0, 8.0, 12.0, 16.0)
 """Rows of the summary, s."""
@@ -78,7 +79,8 @@ class Table1:
         return np.stack(columns, axis=-1)
 
 
-def table1(
+def run_table1(
+    registry: Registry,
     *,
     runs: int = 200,
     seed: int = 0,
@@ -89,6 +91,7 @@ def table1(
     """Fly Table 1 with every registered filter and formation.
 
     Args:
+        registry: The filters and formations to compare.
         runs: The paper has 200.
         seed: Of all draws.
         rho: Share of the RD variance from the reference receiver; the paper's noise is
@@ -111,7 +114,7 @@ def table1(
         seed,
         engagement=engagement,
     )
-    return Table1(campaign, run(campaign, executor, on_progress), scenes)
+    return Table1(campaign, run_campaign(campaign, executor, on_progress), scenes)
 
 
 def _scene(engagement: Engagement, formation: Array) -> Scene:
@@ -123,7 +126,7 @@ def _scene(engagement: Engagement, formation: Array) -> Scene:
 
     rd = range_differences(emitter, reference, companions)
     Cr = engagement.rd_covariance(len(formation))
-    R = paper.uncertainty(baselines, rd, np.diag(Cr), engagement.sigma_p_m).R
+    R = paper_filters.uncertainty(baselines, rd, np.diag(Cr), engagement.sigma_p_m).R
     of_paper = 4.0 * baselines.mT @ (baselines / R[..., None])
 
     J = jacobian(emitter, reference, companions)
@@ -132,7 +135,7 @@ def _scene(engagement: Engagement, formation: Array) -> Scene:
     return Scene(emitter, reference, companions, np.linalg.det(of_paper), np.linalg.det(fisher))
 
 
-def write(table: Table1, out: Path) -> None:
+def write_table1(table: Table1, out: Path) -> None:
     """Write ``table1.json`` (a summary) and ``table1.csv`` (every epoch) into a folder."""
     summary = {
         "runs": table.campaign.runs,
@@ -140,7 +143,8 @@ def write(table: Table1, out: Path) -> None:
         "rho": table.campaign.engagement.rho,
         "rows": list(_summary(table)),
     }
-    (out / "table1.json").write_text(jsonable.dumps(summary) + "\n")
+    document = msgspec.json.format(msgspec.json.encode(summary), indent=1)
+    (out / "table1.json").write_bytes(document + b"\n")
     with (out / "table1.csv").open("w", newline="") as file:
         rows = _epochs(table)
         writer = csv.DictWriter(file, list(first := next(rows)))

@@ -13,12 +13,11 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.special import betaincinv, gammaincinv
 
-from swarmctl.estimation.arguments import Array, Mask
+from swarmctl.units import CHI2_95_2DOF, Array, Mask
 
 NORMAL_95 = 1.959964
 """Two-sided 95 % quantile of the normal distribution."""
-CHI2_95 = 5.991465
-"""95 % quantile of chi-squared with two degrees of freedom."""
+
 BROKEN = 1e9
 """An error (m, m/s) beyond this, or a claimed variance beyond its square, is no number: the
 filter broke down. Powers of what remains do not overflow."""
@@ -97,7 +96,7 @@ class Tally:
             proper=proper.sum(1, dtype=float),
             nees=nees.sum(1),
             nees_square=(nees * nees).sum(1),
-            inside=(proper & (nees < CHI2_95)).sum(1, dtype=float),
+            inside=(proper & (nees < CHI2_95_2DOF)).sum(1, dtype=float),
             lost=lost.sum(1, dtype=float),
             guarded=guarded.astype(float),
         )

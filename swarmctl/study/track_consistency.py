@@ -18,6 +18,7 @@ import numpy as np
 from swarmctl.errors import UsageError
 from swarmctl.study.consistency import LOST_AT_S
 from swarmctl.study.executors import in_order
+from swarmctl.study.registry import Registry
 from swarmctl.study.tally import (
     BoundTally,
     Figure,
@@ -28,7 +29,7 @@ from swarmctl.study.tally import (
     share,
 )
 from swarmctl.study.track_cases import CASES, Case
-from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Flown, Tracked, fly_chunk
+from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, Flown, Tracked, fly_chunk
 
 CHUNK = 20
 """Runs flown by a worker at once: some ten seconds."""
@@ -101,7 +102,8 @@ class Row:
 # --- The study -------------------------------------------------------------------------
 
 
-def tracker(
+def run_track_consistency(
+    registry: Registry,
     *,
     runs: int,
     seed: int = 0,
@@ -112,6 +114,7 @@ def tracker(
     """Fly cases with the tracker and with every registered filter.
 
     Args:
+        registry: The filters to fly beside it.
         runs: Per case.
         seed: Of all draws.
         cases: Names in :data:`~swarmctl.study.track_cases.CASES`.
@@ -130,12 +133,16 @@ def tracker(
     if seed < 0:
         raise UsageError(f"A seed must be 0 or more, not {seed}.")
     sizes = [min(CHUNK, runs - done) for done in range(0, runs, CHUNK)]
-    work = [(CASES[name], seed, chunk, size) for name in cases for chunk, size in enumerate(sizes)]
+    work = [
+        Chunk(CASES[name], registry.filters(CASES[name].process_noise), seed, number, size)
+        for name in cases
+        for number, size in enumerate(sizes)
+    ]
     flown: list[Flown] = []
     done = 0
     for item, result in zip(work, in_order(executor, fly_chunk, work), strict=True):
         flown.append(result)
-        done += item[-1]
+        done += item.runs
         on_progress(done, runs * len(cases))
     rows: list[Row] = []
     for index, name in enumerate(cases):

@@ -17,18 +17,18 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import star
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.track import Estimator
-from swarmctl.study import registry
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.executors import in_order
 from swarmctl.study.receivers import Receivers, Reception
+from swarmctl.study.registry import PERPENDICULAR
 from swarmctl.study.starts import DrawnEstimate, fixed_frame
 from swarmctl.study.tally import Figure, poisson_rate, share
 from swarmctl.study.track_cases import MANOEUVRE
+from swarmctl.units import Array
 
 CHUNK = 20
 """Runs flown by a worker at once."""
@@ -140,7 +140,7 @@ class _Said(NamedTuple):
     cause: str | None
 
 
-def health(
+def run_track_health(
     *,
     runs: int,
     seed: int = 0,
@@ -188,7 +188,7 @@ def _fly(work: tuple[str, int, int, int]) -> list[_Said]:
     )
     engagement = Engagement(period_s=PERIOD_S, duration_s=UNTIL_S)
     draw = DrawnEstimate().draw(engagement, of_start, runs)
-    formation = registry.formations()["perpendicular"]
+    formation = np.array(PERPENDICULAR)
     receivers = Receivers()
     reception = Reception(receivers, runs, len(formation), of_noise, of_echoes)
     fault = _Fault(name, of_fault)

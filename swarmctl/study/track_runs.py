@@ -8,14 +8,13 @@ sigma, for that is all they can be told.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.estimation.kernels.augmented import star
@@ -23,13 +22,15 @@ from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.track.modes import Estimate
 from swarmctl.estimation.track.track import Estimator
-from swarmctl.study import registry
 from swarmctl.study.campaign import Log
 from swarmctl.study.engagement import Engagement, Moment, fly
+from swarmctl.study.filters import Filter
 from swarmctl.study.receivers import Heard, Reception, scan_of
+from swarmctl.study.registry import D_MAX_M
 from swarmctl.study.starts import Draw, fixed_frame
 from swarmctl.study.tally import LOST_NEES, BoundTally, Tally
 from swarmctl.study.track_cases import MANOEUVRE, Case
+from swarmctl.units import Array, Mask
 
 JUDGED = "tracker"
 """The row that targets are set for."""
@@ -76,6 +77,24 @@ class Tracked(NamedTuple):
         )
 
 
+class Chunk(NamedTuple):
+    """Some runs of a case, flown by one worker.
+
+    Attributes:
+        case: The experiment.
+        filters: The filters to fly beside the track, by name, made for the case's process noise.
+        seed: The seed of all draws of the study.
+        number: The chunk's number within the case, from 0; its draws depend on it.
+        runs: How many.
+    """
+
+    case: Case
+    filters: Mapping[str, Filter]
+    seed: int
+    number: int
+    runs: int
+
+
 class Flown(NamedTuple):
     """What came of a chunk.
 
@@ -90,15 +109,15 @@ class Flown(NamedTuple):
     bound: BoundTally
 
 
-def fly_chunk(work: tuple[Case, int, int, int]) -> Flown:
-    """Fly one chunk of a case: the case, the seed, the chunk's number and how many runs."""
-    case, seed, chunk, runs = work
+def fly_chunk(chunk: Chunk) -> Flown:
+    """Fly one chunk of a case."""
+    case, filters, seed, number, runs = chunk
     of_start, of_emitter, of_noise, of_echoes = (
         np.random.default_rng(sequence)
-        for sequence in np.random.SeedSequence(seed, spawn_key=(chunk,)).spawn(4)
+        for sequence in np.random.SeedSequence(seed, spawn_key=(number,)).spawn(4)
     )
     engagement = _scene(case)
-    formation = np.array([(math.radians(angle), registry.D_MAX_M) for angle in case.formation])
+    formation = np.array([(math.radians(angle), D_MAX_M) for angle in case.formation])
     draw = case.start.draw(engagement, of_start, runs)
     motion = ConstantVelocity(case.process_noise)
     moments = fly(
@@ -116,8 +135,7 @@ def fly_chunk(work: tuple[Case, int, int, int]) -> Flown:
 
     at = [round(time_s / case.period_s) for time_s in case.times_s]
     logs = {
-        name: Log(name, candidate, draw, runs, len(heard))
-        for name, candidate in registry.filters(case.process_noise).items()
+        name: Log(name, candidate, draw, runs, len(heard)) for name, candidate in filters.items()
     }
     for k, epoch in enumerate(heard):
         scan = scan_of(epoch, case.receivers)
@@ -131,7 +149,7 @@ def fly_chunk(work: tuple[Case, int, int, int]) -> Flown:
     if draw.emitter.ndim > 1:
         for run in range(runs):
             bound += _bound(case, draw, [_of_run(epoch.moment, run) for epoch in heard])
-    elif chunk == 0:
+    elif number == 0:
         bound += _bound(case, draw, [epoch.moment for epoch in heard])
     return Flown(tracked, {name: log.tally(at) for name, log in logs.items()}, bound)
 

@@ -23,13 +23,13 @@ from sim.config import VehicleLimits
 from sim.dynamics import Command, State, step
 from sim.noise import GaussMarkov, Normals, generator
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import OBSERVING, Phase
 from swarmctl.mission.planner import Planned, Planner
 from swarmctl.mission.target import Target
 from swarmctl.study.executors import in_order
+from swarmctl.units import Array
 
 COMPANIONS = range(3, 13)
 EVENTS = ("jump", "near", "turn", "unsure", "companion lost", "reference lost")
@@ -95,7 +95,7 @@ class Transitions:
     worst_seed: int
 
 
-def transitions(
+def run_transitions(
     *,
     count: int = 1000,
     seed: int = 0,
@@ -117,7 +117,7 @@ def transitions(
         raise UsageError(f"There must be at least 1 transition, not {count}.")
     seeds = range(seed, seed + math.ceil(count / PER_FLIGHT))
     flown = []
-    for done, flight in enumerate(in_order(executor, fly, seeds), start=1):
+    for done, flight in enumerate(in_order(executor, fly_transitions, seeds), start=1):
         flown.append(flight)
         on_progress(done, len(seeds))
     limits = mission(COMPANIONS[0], 0, level=False).limits
@@ -153,7 +153,7 @@ def mission(companions: int, reference: int, *, level: bool) -> Mission:
     return parse_mission(yaml.safe_dump(raw))
 
 
-def fly(seed: int) -> Flown:
+def fly_transitions(seed: int) -> Flown:
     """Fly one seed's transitions, in an order of its own."""
     flight = _Flight(seed)
     flight.form_up()

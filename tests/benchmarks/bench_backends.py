@@ -38,16 +38,12 @@ async def measure(backend: str, directory: Path) -> str:
         began_s = time.process_time()
         summary = await fly(mission, speedup=SPEEDUP)
         used_s = time.process_time() - began_s
-    figures = {
-        name: float(str(summary[name]))
-        for name in ("duration_s", "mavlink_messages_in", "setpoints_out", "slot_error_rms_m")
-    }
-    vehicles, mission_s = 4, figures["duration_s"]
+    vehicles, mission_s = 4, summary.duration_s
     return (
-        f"{backend:8} {summary['result']}: {used_s / mission_s / vehicles:.2%} of one core,"
-        f" {figures['mavlink_messages_in'] / mission_s / vehicles:.1f} messages/s and"
-        f" {figures['setpoints_out'] / mission_s / vehicles:.1f} setpoints/s a vehicle,"
-        f" slot error {figures['slot_error_rms_m']:.2f} m RMS"
+        f"{backend:8} {summary.result}: {used_s / mission_s / vehicles:.2%} of one core,"
+        f" {summary.mavlink_messages_in / mission_s / vehicles:.1f} messages/s and"
+        f" {summary.setpoints_out / mission_s / vehicles:.1f} setpoints/s a vehicle,"
+        f" slot error {summary.slot_error_rms_m:.2f} m RMS"
     )
 
 

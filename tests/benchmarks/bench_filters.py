@@ -24,13 +24,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.feed.alignment import Vector
 from swarmctl.estimation.feed.measurement_queue import Tracker
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.track.linear_track import LinearTrack
 from swarmctl.study import filters
 from swarmctl.study.engagement import Engagement
 from swarmctl.study.filters import Filter
+from swarmctl.units import Vector
 from tests.benchmarks.contestants import (
     BATCH,
     FORMATION,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 
-from swarmctl.events import GoTo
+from swarmctl.commands import GoTo
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing, timestamp_at

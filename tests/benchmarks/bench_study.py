@@ -12,22 +12,24 @@ import subprocess
 import sys
 import time
 
-from swarmctl.study.campaign import Campaign, run
-from swarmctl.study.registry import filters, formations
+from swarmctl.study.campaign import Campaign, run_campaign
+from swarmctl.study.registry import standard_registry
 from swarmctl.study.starts import DrawnEstimate
 
 STEPS = 801
 
 FLIGHT = """
 import resource, sys
-from swarmctl.study.campaign import Campaign, run
+from swarmctl.study.campaign import Campaign, run_campaign
 from swarmctl.study.engagement import Engagement
-from swarmctl.study.registry import filters, formations
+from swarmctl.study.registry import standard_registry
 from swarmctl.study.starts import DrawnEstimate
 runs = int(sys.argv[1])
-one = {"perpendicular": formations()["perpendicular"]}
+registry = standard_registry()
+one = {"perpendicular": registry.formations()["perpendicular"]}
 short = Engagement(duration_s=0.4)
-run(Campaign(DrawnEstimate(), filters((0.0, 0.0)), one, runs, 0, engagement=short))
+filters = registry.filters((0.0, 0.0))
+run_campaign(Campaign(DrawnEstimate(), filters, one, runs, 0, engagement=short))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
@@ -37,12 +39,13 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
 
-    every = filters((0.0, 0.0))
+    registry = standard_registry()
+    every = registry.filters((0.0, 0.0))
     paper = {name: every[name] for name in ("NCRKF, the paper's", "EKF, the paper's", "OKF")}
     times = []
     for _ in range(arguments.rounds):
         start = time.perf_counter()
-        run(Campaign(DrawnEstimate(), paper, formations(), 200, 0))
+        run_campaign(Campaign(DrawnEstimate(), paper, registry.formations(), 200, 0))
         times.append(time.perf_counter() - start)
     steps = 200 * 2 * 3 * STEPS
     print(f"Table 1 campaign, best of {len(times)}: {min(times):.2f} s (all: ", end="")

@@ -23,7 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels import ekf
 from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.prior import Prior
@@ -31,6 +30,7 @@ from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
 from swarmctl.estimation.track.track import Estimator
+from swarmctl.units import Array
 
 PERIOD_S = 0.1
 ROUND = 10

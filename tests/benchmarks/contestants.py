@@ -8,11 +8,11 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.study.engagement import Engagement, fly, measure, prior_at, relative_state
 from swarmctl.study.filters import Prior, Scan
 from swarmctl.study.starts import table_1_covariance
+from swarmctl.units import Array
 
 BATCH = 200
 SINGLES = 8

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.study.engagement import Engagement
 from swarmctl.study.starts import JUMP
+from swarmctl.units import Array
 from tests.benchmarks.contestants import (
     FORMATION,
     SINGLES,

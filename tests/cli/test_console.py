@@ -1,17 +1,21 @@
 """What the operator sees."""
 
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from rich.console import Console
 
 from swarmctl.cli.console import Reporter, headless_line, print_summary, render
-from swarmctl.events import Notice
+from swarmctl.decisions import Notice
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.snapshot import EstimateSnapshot, Snapshot, VehicleSnapshot
+from swarmctl.results import MissionResult
 from tests.missions import short_mission_text
+from tests.summaries import SUMMARY, WITHOUT_TRUTH
 
 VEHICLE = VehicleSnapshot(
     sysid=2,
@@ -130,17 +134,24 @@ def test_where_there_is_no_terminal_lines_are_printed(capsys: pytest.CaptureFixt
     assert "[   12 s] error: vehicle 3 [x] fell silent" in output
 
 
+def test_the_summary_tells_how_it_ended_and_the_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    print_summary(SUMMARY, Path("somewhere"))
+    output = capsys.readouterr().out
+    assert "located: the emitter is located to 3.1 m" in output
+    assert re.search(r"error of the final estimate +4.25 m", output)
+    assert re.search(r"mission time +420 s", output)
+    assert "20.0 s, 21 x real time" in output
+    assert "somewhere" in output
+
+
 def test_the_summary_leaves_out_what_is_not_known(capsys: pytest.CaptureFixture[str]) -> None:
-    summary: dict[str, object] = {
-        "result": "vehicle_lost",
-        "detail": "vehicle 2 has been silent for 5 s",
-        "final_error_m": None,
-        "duration_s": 100.4,
-        "wall_s": 5.0,
-    }
-    print_summary(summary, Path("somewhere"))
+    lost = msgspec.structs.replace(
+        WITHOUT_TRUTH,
+        result=MissionResult.VEHICLE_LOST,
+        detail="vehicle 2 has been silent for 5 s",
+    )
+    print_summary(lost, Path("somewhere"))
     output = capsys.readouterr().out
     assert "vehicle_lost: vehicle 2 has been silent for 5 s" in output
-    assert "100 s" in output
-    assert "5.0 s, 20 x real time" in output
+    assert "its 1-sigma, larger axis" in output
     assert "error of the final" not in output

@@ -83,26 +83,40 @@ def test_consistency_as_json_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     assert away.stdout == here.stdout
 
 
-def test_the_tracker_s_cases_are_tables_or_json(tmp_path: Path) -> None:
+def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
     """Beside the filters, with what the case asks for; how long it takes is said first."""
-    command = ["consistency", "--runs", "2", "--case", "no-prior"]
-    shown = study(*command, "--case", "literal", cwd=tmp_path)
+    command = ["track", "--runs", "2", "--case", "no-prior"]
+    shown = study(*command, cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert "2 runs a case take about 1 min on one core." in shown.stderr
-    for word in ("no prior; 10 Hz", "bound, CV", "iterated EKF", "latest first estimate (s): 0."):
+    for word in ("no prior; 10 Hz", "iterated EKF", "latest first estimate (s): 0."):
         assert word in shown.stdout
-    done = study(*command, "--case", "health", "--json", cwd=tmp_path)
+    done = study(*command, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
-    assert document["rows"] == []
-    rows = document["tracker"]["rows"]
+    assert (document["runs"], document["seed"]) == (2, 0)
+    rows = document["rows"]
     assert [row["filter"] for row in rows][:2] == ["tracker", "NCRKF"]
     assert [instant["time_s"] for instant in rows[0]["instants"]] == [1.0, 4.0, 8.0, 12.0, 16.0]
     assert {"latest first estimate (s)", "share of the RDs set aside"} <= {
         measure["name"] for measure in rows[0]["measures"]
     }
     assert rows[0]["shortfalls"] is not None
-    assert document["tracker"]["health"][1]["fault"] == "noise doubled"
+
+
+def test_the_health_of_the_track_is_a_table_or_json(tmp_path: Path) -> None:
+    shown = study("health", "--runs", "2", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    for word in ("fault", "false/h", "a clock jumps by 100 ns", "within tolerance"):
+        assert word in shown.stdout
+    done = study("health", "--runs", "2", "--seed", "1", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert (document["runs"], document["seed"]) == (2, 1)
+    good, noisy = document["rows"][:2]
+    assert (good["fault"], good["named"], good["latest_s"]) == ("none", None, None)
+    assert noisy["fault"] == "noise doubled"
+    assert noisy["named"][0] == 1.0
 
 
 def test_information_says_what_eq_51_is_worth(tmp_path: Path) -> None:
@@ -120,6 +134,7 @@ def test_information_says_what_eq_51_is_worth(tmp_path: Path) -> None:
     ("arguments", "code", "sentence"),
     [
         (["consistency", "--case", "easy"], 2, "There is no case 'easy'; there are matched,"),
+        (["track", "--case", "easy"], 2, "There is no case 'easy'; there are tracker-range-"),
         (["consistency", "--executor", "tcp://a:1"], 2, "must look like dask://host:port."),
         (["consistency", "--executor", "dask://127.0.0.1:9"], 3, "No dask scheduler answers"),
         (["consistency", "--with", "gone.py"], 2, "gone.py is no Python file"),
@@ -133,14 +148,14 @@ def test_bad_input_is_a_sentence(
 ) -> None:
     (tmp_path / "taken").touch()
     (tmp_path / "broken.py").write_text(
-        "from swarmctl.study.registry import register_filter\n"
         "from swarmctl.study.filters import ncrkf\n"
         "class Broken:\n"
         "    relative = False\n"
         "    start, track = ncrkf().start, ncrkf().track\n"
         "    def step(self, belief, scan):\n"
         "        raise ValueError('oh')\n"
-        "register_filter('breaks', lambda q: Broken())\n"
+        "def register(registry):\n"
+        "    registry.register_filter('breaks', lambda q: Broken())\n"
     )
     done = study(*arguments, cwd=tmp_path)
     assert done.returncode == code

@@ -22,8 +22,8 @@ from swarmctl.datasets.dataset import (
 )
 from swarmctl.datasets.tracking import Counts, Settings, Step, prior_of, track
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.consistency import nees
+from swarmctl.units import Array
 
 ROOM = Path(__file__).parent / "room"
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
 SIGMA_M = 0.5

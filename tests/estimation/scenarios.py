@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.pcrb import CramerRaoBound
 from swarmctl.estimation.kernels import ncrkf
 from swarmctl.estimation.model import motion
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.range_difference import range_differences
+from swarmctl.units import Array
 
 
 class Engagement(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swarmctl.formation.design_choice import STEP, SURE_RAD, UNSURE_RAD, DesignBook, least_range
-from swarmctl.formation.designs import Array
+from swarmctl.units import Array
 
 D_M = 285.0
 

@@ -12,13 +12,13 @@ from swarmctl.estimation.bounds.pcrb import CramerRaoBound
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
 from swarmctl.formation.information import (
-    Array,
     fisher,
     noise_covariance,
     predicted_accuracy,
     slots_in_los_frame,
 )
 from swarmctl.formation.requirements import Noise
+from swarmctl.units import Array
 
 RANGE = 3000.0
 D = 300.0

@@ -11,7 +11,7 @@ import pytest
 from swarmctl.errors import FormationError
 from swarmctl.estimation.bounds.pcrb import pcrb
 from swarmctl.estimation.model.motion import ConstantVelocity
-from swarmctl.formation.information import Array, fisher
+from swarmctl.formation.information import fisher
 from swarmctl.formation.objectives import (
     OBJECTIVES,
     Objective,
@@ -25,6 +25,7 @@ from swarmctl.formation.objectives import (
 from swarmctl.formation.requirements import Noise, Requirements
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.starts import CV, table_1_covariance
+from swarmctl.units import Array
 
 TABLE_1 = Engagement(rho=0.5, duration_s=12.0)
 PRIOR = table_1_covariance()[np.ix_(CV, CV)]

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.formation import optimal
-from swarmctl.formation.information import Array
 from swarmctl.formation.objectives import approach, determinant, rms, track
 from swarmctl.formation.optimal import feasible, first_of_best, refine, turned, worst
 from swarmctl.formation.requirements import Requirements
+from swarmctl.units import Array
 
 NINETY = math.pi / 2.0
 

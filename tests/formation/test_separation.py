@@ -9,6 +9,7 @@ import pytest
 from swarmctl.formation import separation
 from swarmctl.formation.guidance import go_to
 from swarmctl.formation.separation import Bound, least_distances, separate, slot_separation
+from swarmctl.units import Array
 
 SPEED_MPS, ACCELERATION_MPS2, DT = 13.0, 2.0, 0.1
 D_M = 13.0
@@ -26,7 +27,8 @@ class Flown:
 def fly(starts: np.ndarray, goals: np.ndarray, weights: np.ndarray, limit_s: float) -> Flown:
     """All at one altitude, from rest to their goals; who has no weight stands still."""
     apart = least_distances([30.0] * len(starts), D_M - 5.0, 5.0)
-    here, velocities, least = starts.astype(float), np.zeros((len(starts), 2)), math.inf
+    here, least = starts.astype(float), math.inf
+    velocities: Array = np.zeros((len(starts), 2))
     for period in range(round(limit_s / DT)):
         wanted = np.array(
             [go_to((e, n), 0.9 * SPEED_MPS, 1.0, 0.5) for e, n in (goals - here).tolist()]
@@ -49,7 +51,8 @@ def test_each_brakes_and_goes_aside_as_well_as_it_can() -> None:
     """Two head-on, one of them slower and four times as sluggish: neither is asked for more."""
     speeds, accelerations = np.array([13.0, 8.0]), np.array([2.0, 0.5])
     apart = least_distances([30.0, 30.0], D_M - 5.0, 5.0)
-    here, velocities = np.array([[-150.0, 0.0], [150.0, 0.0]]), np.zeros((2, 2))
+    here = np.array([[-150.0, 0.0], [150.0, 0.0]])
+    velocities: Array = np.zeros((2, 2))
     goals = -here
     least = math.inf
     for _ in range(900):
@@ -117,7 +120,8 @@ def test_the_proof_alone_keeps_them_apart(seed: int, monkeypatch: pytest.MonkeyP
     """Wishes that change at random and mean to collide, and no bending of them at all."""
     monkeypatch.setattr(separation, "_project", lambda wanted, spaces, weights: wanted)
     rng = np.random.default_rng(seed)
-    here, velocities = scattered(rng, 8, []), np.zeros((8, 2))
+    here = scattered(rng, 8, [])
+    velocities: Array = np.zeros((8, 2))
     apart = least_distances([30.0] * 8, D_M - 5.0, 5.0)
     least = math.inf
     for period in range(400):
@@ -154,7 +158,8 @@ def test_the_lighter_one_makes_way() -> None:
     starts = np.array([[0.0, 0.0], [D_M + 2.0, 0.0]])
     ends = starts[::-1].copy()
     apart = least_distances([30.0, 30.0], D_M - 5.0, 5.0)
-    here, velocities = starts.copy(), np.zeros((2, 2))
+    here = starts.copy()
+    velocities: Array = np.zeros((2, 2))
     aside = np.zeros(2)
     for _ in range(300):
         wanted = np.array([go_to((e, n), 5.0, 1.0, 0.5) for e, n in (ends - here).tolist()])
@@ -167,7 +172,7 @@ def test_the_lighter_one_makes_way() -> None:
 
 def test_a_pair_that_is_too_near_parts() -> None:
     here = np.array([[0.0, 0.0], [6.0, 0.0]])
-    velocities = np.zeros((2, 2))
+    velocities: Array = np.zeros((2, 2))
     apart = least_distances([30.0, 30.0], D_M - 5.0, 5.0)
     gap = 6.0
     for _ in range(100):
@@ -180,7 +185,7 @@ def test_a_pair_that_is_too_near_parts() -> None:
 
 def test_nobody_is_sent_over_a_bound_to_make_way() -> None:
     here = np.array([[0.0, 0.0], [0.0, D_M + 1.0]])
-    velocities = np.zeros((2, 2))
+    velocities: Array = np.zeros((2, 2))
     apart = least_distances([30.0, 30.0], D_M - 5.0, 5.0)
     wanted = np.array([[0.0, 5.0], [0.0, 0.0]])
     bounds = [Bound(1, (0.0, 1.0), 0.0)]

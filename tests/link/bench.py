@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any, Protocol, TypeVar
 
-from swarmctl.events import Command, GoTo, InputRejected, Observation
+from swarmctl.commands import Command, GoTo
+from swarmctl.events import InputRejected, Observation
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from swarmctl.events import CommandOutcome, UploadFence
+from swarmctl.commands import UploadFence
+from swarmctl.events import CommandOutcome
 from tests.link.bench import GCS, AnsweredBench
 from tests.link.wire import Sender, unpack
 

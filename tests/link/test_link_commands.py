@@ -7,16 +7,8 @@ from typing import Any
 
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    CommandOutcome,
-    Heartbeat,
-    Mode,
-    RequestHome,
-    SetMode,
-    StreamTelemetry,
-    TakeOff,
-)
+from swarmctl.commands import Arm, RequestHome, SetMode, StreamTelemetry, TakeOff
+from swarmctl.events import CommandOutcome, Heartbeat, Mode
 from swarmctl.link.codec.messages import Address, MavCmd
 from tests.link.bench import AT_1, AT_2, GCS, Bench, Vehicle, goto
 

@@ -6,16 +6,8 @@ from typing import Any
 
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    CommandOutcome,
-    Heartbeat,
-    InputRejected,
-    LinkQuality,
-    ReadParameter,
-    RequestHome,
-    VehiclePosition,
-)
+from swarmctl.commands import Arm, ReadParameter, RequestHome
+from swarmctl.events import CommandOutcome, Heartbeat, InputRejected, LinkQuality, VehiclePosition
 from swarmctl.link.channels import SILENT_LINK_S
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.signing import Signing, timestamp_at

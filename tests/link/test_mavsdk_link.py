@@ -13,12 +13,21 @@ from typing import Any
 import msgspec
 import pytest
 
-from swarmctl.errors import LinkError
-from swarmctl.events import (
+from swarmctl.commands import (
     Arm,
     Command,
-    CommandOutcome,
     GoTo,
+    ReadParameter,
+    RequestHome,
+    SetMode,
+    StreamTelemetry,
+    TakeOff,
+    UploadFence,
+    WriteParameter,
+)
+from swarmctl.errors import LinkError
+from swarmctl.events import (
+    CommandOutcome,
     Heartbeat,
     HomePosition,
     InputRejected,
@@ -26,14 +35,7 @@ from swarmctl.events import (
     Mode,
     Observation,
     ParameterValue,
-    ReadParameter,
-    RequestHome,
-    SetMode,
     StatusText,
-    StreamTelemetry,
-    TakeOff,
-    UploadFence,
-    WriteParameter,
 )
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.mavlink_link import MavlinkLink

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import ParameterValue, ReadParameter, WriteParameter
+from swarmctl.commands import ReadParameter, WriteParameter
+from swarmctl.events import ParameterValue
 from tests.link.bench import AnsweredBench
 from tests.link.wire import Sender, unpack
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from swarmctl.events import Arm, CommandOutcome, Heartbeat, InputRejected, Mode
+from swarmctl.commands import Arm
+from swarmctl.events import CommandOutcome, Heartbeat, InputRejected, Mode
 from tests.link.bench import AT_1, AT_2, ELSEWHERE, GCS, Bench, Vehicle, goto
 from tests.link.wire import Sender, unpack
 

@@ -13,36 +13,37 @@ from typing import Literal
 
 import numpy as np
 
-from swarmctl.events import (
+from swarmctl.commands import (
     Arm,
     Command,
-    CommandOutcome,
-    Decision,
     GoTo,
-    GpsFix,
-    Heartbeat,
-    HomePosition,
-    Mode,
-    Observation,
-    ParameterValue,
-    PhaseChanged,
-    RangeDifference,
-    RangeDifferences,
     ReadParameter,
     RequestHome,
     RequestVersion,
     SetMode,
     StreamTelemetry,
     TakeOff,
+    WriteParameter,
+)
+from swarmctl.decisions import Decision, PhaseChanged
+from swarmctl.events import (
+    CommandOutcome,
+    GpsFix,
+    Heartbeat,
+    HomePosition,
+    Mode,
+    Observation,
+    ParameterValue,
+    RangeDifference,
+    RangeDifferences,
     VehicleClock,
     VehiclePosition,
     VehicleStatus,
     VehicleVersion,
-    WriteParameter,
 )
-from swarmctl.frames import Vector
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
+from swarmctl.units import Vector
 
 UTC0 = 1_790_000_000.0
 PERIOD_S = 0.1

@@ -5,19 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    CommandOutcome,
-    FeedConnection,
-    GoTo,
-    MissionEnded,
-    Mode,
-    Notice,
-    OperatorRequest,
-    Plan,
-    SetMode,
-    UploadFence,
-)
+from swarmctl.commands import Arm, GoTo, SetMode, UploadFence
+from swarmctl.decisions import MissionEnded, Notice, Plan
+from swarmctl.events import CommandOutcome, FeedConnection, Mode, OperatorRequest
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import UTC0, Flight

@@ -7,16 +7,9 @@ from typing import Literal
 
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    GoTo,
-    MissionEnded,
-    Mode,
-    Notice,
-    OperatorRequest,
-    SetMode,
-    TakeOff,
-)
+from swarmctl.commands import Arm, GoTo, SetMode, TakeOff
+from swarmctl.decisions import MissionEnded, Notice
+from swarmctl.events import Mode, OperatorRequest
 from swarmctl.mission.custody import RESUME_S
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight

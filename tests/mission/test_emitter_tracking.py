@@ -5,19 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.estimation.feed.pairing import SPEED_OF_LIGHT_MPS
-from swarmctl.events import (
-    ArrivalTime,
-    Decision,
-    HealthChanged,
-    RangeDifference,
-    RangeDifferences,
-    VehiclePosition,
-)
-from swarmctl.frames import Vector
+from swarmctl.decisions import Decision, HealthChanged
+from swarmctl.events import ArrivalTime, RangeDifference, RangeDifferences, VehiclePosition
 from swarmctl.mission.emitter_tracking import Observer
 from swarmctl.mission.filter_settings import emitter_prior, expected_enu, process_noise
 from swarmctl.mission.mission_file_loading import parse_mission
+from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
 from tests.missions import short_mission_text
 
 MISSION = parse_mission(short_mission_text())

@@ -6,12 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swarmctl.events import (
-    HealthChanged,
-    MissionEnded,
-    Notice,
-    Plan,
-)
+from swarmctl.decisions import HealthChanged, MissionEnded, Notice, Plan
 from swarmctl.mission.estimate_trust import Reliance, Trust
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.target import Target

@@ -2,16 +2,8 @@
 
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    Command,
-    CommandOutcome,
-    Heartbeat,
-    Mode,
-    SetMode,
-    TakeOff,
-    VehiclePosition,
-)
+from swarmctl.commands import Arm, Command, SetMode, TakeOff
+from swarmctl.events import CommandOutcome, Heartbeat, Mode, VehiclePosition
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.mission.launch import LANDING_TIMEOUT_S, RETRY_S, TAKE_OFF_TIMEOUT_S, Landing, Launch
 from swarmctl.mission.loss_detection import HEARTBEAT_LOST_AFTER_S, Watch

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from swarmctl.ops.in_memory import fly_in_memory
+from swarmctl import FlightSummary, fly_in_memory
 
 MISSIONS = Path(__file__).parents[2] / "missions"
-Flights = list[dict[str, object]]
+Flights = list[FlightSummary]
 
 
-def _fly(path: Path, seed: int) -> dict[str, object]:
+def _fly(path: Path, seed: int) -> FlightSummary:
     return fly_in_memory(path, seed=seed)
 
 
@@ -26,10 +26,10 @@ def fly_seeds(path: Path, seeds: Sequence[int], columns: Sequence[str]) -> Fligh
         found = list(pool.map(partial(_fly, path), seeds))
     print("\nseed " + " ".join(f"{name.removesuffix('_m'):>14.14}" for name in columns))
     for seed, flight in zip(seeds, found, strict=True):
-        print(f"{seed:4} " + " ".join(f"{float(str(flight[name])):14.3f}" for name in columns))
+        print(f"{seed:4} " + " ".join(f"{getattr(flight, name):14.3f}" for name in columns))
     return found
 
 
 def column(flights: Flights, name: str) -> np.ndarray:
     """One figure of every flight."""
-    return np.array([float(str(flight[name])) for flight in flights])
+    return np.array([getattr(flight, name) for flight in flights])

@@ -1,8 +1,8 @@
 """Whole missions on the virtual clock: real bytes, no sockets."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import msgspec
@@ -13,8 +13,9 @@ from mcap.reader import make_reader
 from sim.radio_channel import Channel
 from sim.receivers import Receivers
 from sim.world import World
+from swarmctl.decisions import Estimate, Notice
 from swarmctl.errors import UsageError
-from swarmctl.events import Estimate, Notice, ReceiverTruth, Record
+from swarmctl.events import ReceiverTruth, Record
 from swarmctl.link.codec.messages import Address
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.phases import Phase
@@ -23,13 +24,15 @@ from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import STEP_S, UTC_START_S, fly_in_memory
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
+from swarmctl.recorder.summary import FlightSummary, read_summary
 from tests.link.wire import Sender, unpack
+from tests.summaries import SEPARATION_M, assert_within_limits, known
 
 Short = Callable[..., Path]
 
 
-def without_wall(summary: dict[str, object]) -> dict[str, object]:
-    return {key: value for key, value in summary.items() if key != "wall_s"}
+def without_wall(summary: FlightSummary) -> FlightSummary:
+    return msgspec.structs.replace(summary, wall_s=0.0)
 
 
 def test_a_short_mission_is_located_recorded_and_within_its_limits(
@@ -37,13 +40,11 @@ def test_a_short_mission_is_located_recorded_and_within_its_limits(
 ) -> None:
     out = tmp_path / "out"
     summary = fly_in_memory(short_mission(), out, seed=3)
-    assert summary == json.loads((out / "summary.json").read_text())
-    assert summary["result"] == "located"
-    assert float(str(summary["max_reference_range_m"])) <= 150.0
-    assert float(str(summary["min_separation_m"])) >= 8.0
-    assert float(str(summary["min_standoff_m"])) >= 400.0
-    assert summary["rd_dropped"] == 0
-    assert summary["mavlink_rejected"] == 0
+    assert summary == read_summary(out)
+    assert summary.result == "located"
+    assert_within_limits(summary)
+    assert summary.rd_dropped == 0
+    assert summary.mavlink_rejected == 0
     files = {path.name for path in out.iterdir()}
     assert files >= {
         "vehicles.tlog",
@@ -85,10 +86,8 @@ def test_a_swarm_at_one_altitude_keeps_its_distances(short_mission: Short) -> No
     """Out, round the beacon and home past one another, in wind and by their own navigation."""
     level = [{"sysid": sysid, "altitude_amsl_m": 42} for sysid in (1, 2, 3, 4)]
     summary = fly_in_memory(short_mission(swarm__vehicles=level), seed=3)
-    assert summary["result"] == "located"
-    assert float(str(summary["min_separation_m"])) >= 8.0
-    assert float(str(summary["max_reference_range_m"])) <= 150.0
-    assert float(str(summary["min_standoff_m"])) >= 400.0
+    assert summary.result == "located"
+    assert_within_limits(summary)
 
 
 def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
@@ -101,7 +100,7 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
     assert without_wall(one) == without_wall(two)
     for name in ("vehicles.tlog", "mission.mcap"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-    assert one["final_error_m"] != other["final_error_m"]
+    assert one.final_error_m != other.final_error_m
 
 
 class Estimates:
@@ -176,7 +175,7 @@ def test_a_lost_reference_is_succeeded_where_receivers_publish_arrival_times(
 
     said: list[Notice] = []
     summary = fly_in_memory(mission, snapshot_every_s=1.0, on_snapshot=look, on_notice=said.append)
-    assert summary["rd_dropped"] == 0
+    assert summary.rd_dropped == 0
     # Once, for a second, the bursts waited for UAV 1.
     assert len(ages) == 17
     assert max(ages) < 0.3
@@ -187,12 +186,11 @@ def test_a_lost_reference_is_succeeded_where_receivers_publish_arrival_times(
     assert len(told) == 1
     assert told[0].startswith("vehicle 1 has been silent for ")
     assert f"; vehicle {successor} is" in told[0]
-    assert summary["result"] == "vehicle_lost"
-    assert "is located to" in str(summary["detail"])
+    assert summary.result == "vehicle_lost"
+    assert "is located to" in str(summary.detail)
     # 3.5 sigma in two dimensions: 0.2 % of honest estimates are farther off.
-    assert float(str(summary["final_error_m"])) < 3.5 * float(str(summary["final_sigma_m"]))
-    assert float(str(summary["max_reference_range_m"])) <= 150.0
-    assert float(str(summary["min_separation_m"])) >= 8.0
+    assert known(summary.final_error_m) < 3.5 * known(summary.final_sigma_m)
+    assert_within_limits(summary, stand_off=False)
 
 
 def test_garbage_on_both_inputs_harms_nothing(
@@ -212,10 +210,10 @@ def test_garbage_on_both_inputs_harms_nothing(
 
     monkeypatch.setattr(Station, "wake", wake_amid_garbage)
     stormy = fly_in_memory(mission, seed=5)
-    assert float(str(stormy["mavlink_rejected"])) > 1000
-    assert float(str(stormy["feed_rejected"])) > 1000
-    kept = ("result", "duration_s", "final_error_m", "final_sigma_m", "setpoints_out")
-    assert {key: stormy[key] for key in kept} == {key: calm[key] for key in kept}
+    assert stormy.mavlink_rejected > 1000
+    assert stormy.feed_rejected > 1000
+    same = attrgetter("result", "duration_s", "final_error_m", "final_sigma_m", "setpoints_out")
+    assert same(stormy) == same(calm)
 
 
 @pytest.mark.parametrize(
@@ -225,16 +223,16 @@ def test_a_vehicle_at_fault_is_the_result(short_mission: Short, kind: str, resul
     mission = short_mission(sim__faults=[{"sysid": 3, "kind": kind}])
     said: list[Notice] = []
     summary = fly_in_memory(mission, on_notice=said.append)
-    assert summary["result"] == result
-    assert "vehicle 3" in str(summary["detail"])
-    assert any(str(summary["detail"]) in notice.text for notice in said)
+    assert summary.result == result
+    assert "vehicle 3" in str(summary.detail)
+    assert any(str(summary.detail) in notice.text for notice in said)
 
 
 def test_a_vehicle_that_dies_in_flight_brings_the_others_home(short_mission: Short) -> None:
     mission = short_mission(sim__faults=[{"sysid": 2, "kind": "dies", "at_s": 70.0}])
     summary = fly_in_memory(mission)
-    assert summary["result"] == "vehicle_lost"
-    assert "vehicle 2 has been silent" in str(summary["detail"])
+    assert summary.result == "vehicle_lost"
+    assert "vehicle 2 has been silent" in str(summary.detail)
 
 
 class Exchanged(Channel[tuple[int, bytes]]):
@@ -260,8 +258,8 @@ def test_an_id_that_changes_its_hardware_id_in_flight_is_named_and_done_without(
     texts = [notice.text for notice in said]
     assert sum("now has 0xbad: another vehicle" in text for text in texts) == 1
     assert any("vehicle 3 has been silent for" in text for text in texts)
-    assert summary["result"] == "vehicle_lost"
-    assert float(str(summary["min_separation_m"])) >= 8.0
+    assert summary.result == "vehicle_lost"
+    assert known(summary.min_separation_m) >= SEPARATION_M
 
 
 def test_a_mission_without_a_simulation_cannot_be_simulated(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from swarmctl.decisions import Notice
 from swarmctl.errors import UsageError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.ops.live import fly, station_addresses
@@ -52,7 +52,7 @@ async def flight(
     )
     yield
     summary = await flying
-    assert summary["result"] == "vehicle_silent"
+    assert summary.result == "vehicle_silent"
 
 
 async def test_vehicles_by_udp_and_tcp_and_a_station_that_listens_in(

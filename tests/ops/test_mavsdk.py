@@ -34,9 +34,9 @@ async def test_a_mission_flies_on_mavsdk(short_mission: Short, tmp_path: Path) -
     )
     async with simulated(mission, speedup=SPEEDUP):
         summary = await fly(mission, tmp_path / "out", speedup=SPEEDUP)
-    assert summary["result"] == "located"
-    assert summary["setpoints_dropped"] == 0
-    assert summary["mavlink_rejected"] == 0
+    assert summary.result == "located"
+    assert summary.setpoints_dropped == 0
+    assert summary.mavlink_rejected == 0
     last: dict[str, dict[str, Any]] = {}
     with (tmp_path / "out" / "mission.mcap").open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():

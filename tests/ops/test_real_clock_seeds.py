@@ -37,7 +37,7 @@ def flights() -> Flights:
 
 
 def test_every_flight_locates_the_emitter(flights: Flights) -> None:
-    assert {flight["result"] for flight in flights} == {"located"}
+    assert {flight.result for flight in flights} == {"located"}
 
 
 def test_every_sigma_is_within_two_and_a_half_times_the_bound(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.world import World
-from swarmctl.events import Arm, Command, GoTo, Record, SetMode, TakeOff
+from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
+from swarmctl.events import Record
 from swarmctl.link.codec.messages import Address
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.ops.simulation import sim_config

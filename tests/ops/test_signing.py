@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import Notice
+from swarmctl.decisions import Notice
 from swarmctl.link.signing import timestamp_at
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.in_memory import UTC_START_S as UTC_S
@@ -52,7 +52,7 @@ EVERYBODY_SIGNS = {(sysid, True) for sysid in (1, 2, 3, 4, 245)}
 def test_a_mission_with_a_key_flies_in_memory(signed_mission: Short, tmp_path: Path) -> None:
     mission = signed_mission(swarm__autopilot="px4", sim__autopilot="px4")
     summary = fly_in_memory(mission, tmp_path / "out")
-    assert (summary["result"], summary["mavlink_rejected"]) == ("located", 0)
+    assert (summary.result, summary.mavlink_rejected) == ("located", 0)
     assert speakers(tmp_path / "out" / "vehicles.tlog") == EVERYBODY_SIGNS
     assert not (tmp_path / "swarm.key.timestamp").exists()
 
@@ -62,7 +62,7 @@ async def test_a_mission_with_a_key_flies_over_udp(signed_mission: Short, tmp_pa
     async with simulated(mission, speedup=SPEEDUP):
         summary = await fly(mission, speedup=SPEEDUP)
     # What is not signed with the key is refused on either side.
-    assert (summary["result"], summary["mavlink_rejected"]) == ("located", 0)
+    assert (summary.result, summary.mavlink_rejected) == ("located", 0)
     assert not (tmp_path / "swarm.key.timestamp").exists()
 
 
@@ -82,9 +82,9 @@ def test_a_vehicle_with_another_key_is_refused_and_named(signed_mission: Short) 
     faults = [{"sysid": 3, "kind": "other_key"}]
     said: list[Notice] = []
     summary = fly_in_memory(signed_mission(sim__faults=faults), on_notice=said.append)
-    assert summary["result"] == "vehicle_silent"
-    assert "vehicle 3" in str(summary["detail"])
+    assert summary.result == "vehicle_silent"
+    assert "vehicle 3" in str(summary.detail)
     # A heartbeat a second until the mission gives up after 30 s.
-    assert float(str(summary["mavlink_rejected"])) == pytest.approx(30, abs=5)
+    assert summary.mavlink_rejected == pytest.approx(30, abs=5)
     (named,) = (notice.text for notice in said if "signed with another key" in notice.text)
     assert "of system 3" in named

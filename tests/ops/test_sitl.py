@@ -17,8 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.sitl_receivers import Listening
 from sim.world import World
+from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.events import Notice
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import open_udp
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission
@@ -29,6 +29,7 @@ from tests.brokers import free_port
 from tests.link.endpoints.test_udp import LOOPBACK
 from tests.link.wire import unpack
 from tests.missions import short_mission_text
+from tests.summaries import known
 
 Short = Callable[..., Path]
 
@@ -161,9 +162,9 @@ async def test_a_mission_finds_the_emitter_for_vehicles_simulated_elsewhere(
     async with receivers_only(path, f"udpin://{listen}"), simulated(elsewhere, speedup=SPEEDUP):
         summary = await fly(path, forward=forward, speedup=SPEEDUP, on_notice=said.append)
     station.close()
-    assert summary["result"] == "located", [notice.text for notice in said]
+    assert summary.result == "located", [notice.text for notice in said]
     # Its own word for it, and the truth's: three of its sigmas.
-    error, sigma = float(str(summary["final_error_m"])), float(str(summary["final_sigma_m"]))
+    error, sigma = known(summary.final_error_m), known(summary.final_sigma_m)
     assert error < 3.0 * sigma
     mission = load_mission(path)
     for i, sysid in enumerate(mission.swarm.sysids):

@@ -12,11 +12,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from swarmctl import events
+from swarmctl import commands, decisions, events
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.events import Record
-from swarmctl.frames import LocalFrame, Vector
+from swarmctl.frames import LocalFrame
 from swarmctl.recorder.debrief import DebriefSettings
+from swarmctl.results import MissionResult
+from swarmctl.units import Vector
 
 FRAME = LocalFrame(math.radians(47.42), math.radians(9.38), 40.0)
 UTC_S = 1_790_000_000.0
@@ -130,7 +132,7 @@ def range_differences(t: float) -> events.RangeDifferences:
     )
 
 
-def estimate_record(t: float, random: np.random.Generator) -> events.Estimate:
+def estimate_record(t: float, random: np.random.Generator) -> decisions.Estimate:
     """Truth plus an error drawn from a covariance that shrinks, long across nothing."""
     e = emitter(t)
     major = 2.2 + 290.0 * math.exp(-(t - 32.0) / 28.0)
@@ -143,7 +145,7 @@ def estimate_record(t: float, random: np.random.Generator) -> events.Estimate:
     # One slow draw for the whole flight: a filter's errors are correlated.
     wave = np.array([math.sin(0.05 * t + 1.0), math.cos(0.031 * t)]) + 0.15 * random.normal(size=2)
     dx, dy = axes @ (np.array([major, minor]) * wave)
-    return events.Estimate(
+    return decisions.Estimate(
         at_s=t + 0.2,
         epoch_utc_s=UTC_S + t,
         position_enu=(e[0] + float(dx), e[1] + float(dy), e[2] + 1.0),
@@ -154,7 +156,7 @@ def estimate_record(t: float, random: np.random.Generator) -> events.Estimate:
     )
 
 
-def plan_record(t: float) -> events.Plan:
+def plan_record(t: float) -> decisions.Plan:
     slots = []
     r = vehicle(REFERENCE, t)
     for sysid in (REFERENCE, *FOLLOWERS):
@@ -162,14 +164,14 @@ def plan_record(t: float) -> events.Plan:
         gap = 90.0 * math.exp(-(t - 30.0) / 6.0) + 1.2 + abs(math.sin(0.3 * t + sysid))
         follower = sysid != REFERENCE
         slots.append(
-            events.Slot(
+            decisions.Slot(
                 sysid=sysid, position_enu=p, velocity_enu=velocity(sysid, t),
                 error_m=gap if follower else 0.5,
                 range_to_reference_m=math.dist(p, r) if follower else None,
                 joined=True,
             )
         )  # fmt: skip
-    return events.Plan(
+    return decisions.Plan(
         at_s=t + 0.1, reference=REFERENCE, los_rad=0.9, formed=t >= 58.0, slots=tuple(slots)
     )
 
@@ -186,7 +188,7 @@ def _records() -> Iterator[Record]:
     for tick in range(round(10.0 * END_S)):
         t = 0.1 * tick
         while phases and phases[0][0] <= t:
-            yield events.PhaseChanged(at_s=t, phase=phases.pop(0)[1], trigger="-", reason="-")
+            yield decisions.PhaseChanged(at_s=t, phase=phases.pop(0)[1], trigger="-", reason="-")
         for sysid in (REFERENCE, *FOLLOWERS):
             yield position_record(sysid, t)
         if tick % 5 == 0:
@@ -196,10 +198,12 @@ def _records() -> Iterator[Record]:
             yield plan_record(t)
             for sysid in (REFERENCE, *FOLLOWERS):
                 lat, lon, alt = geodetic(vehicle(sysid, t))
-                yield events.GoTo(
+                yield commands.GoTo(
                     sysid=sysid, lat_rad=lat, lon_rad=lon, alt_amsl_m=alt,
                     velocity_enu=velocity(sysid, t),
                 )  # fmt: skip
             if t >= 30.3:
                 yield estimate_record(round(10.0 * (t - 0.2)) / 10.0, random)
-    yield events.MissionEnded(at_s=END_S, result="located", detail="Located within 3 m.")
+    yield decisions.MissionEnded(
+        at_s=END_S, result=MissionResult.LOCATED, detail="Located within 3 m."
+    )

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from swarmctl import events
+from swarmctl import decisions, events
 from swarmctl.events import Record
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 from tests.recorder import flight as made_up
 
 RECEIVERS = (made_up.REFERENCE, *made_up.FOLLOWERS)
@@ -45,12 +45,12 @@ def truth(sysid: int, t: float) -> events.ReceiverTruth:
 
 def estimate(
     sysid: int, t: float, error: Vector = (0.0, 0.0, 0.0), *, relative_to: int = 1
-) -> events.ReceiverEstimate:
+) -> decisions.ReceiverEstimate:
     """The truth plus some sigmas of clock, east and north; the sigmas shrink."""
     sigma = 0.5 + 4.0 * math.exp(-(t - BEGIN_S) / 30.0)
     near = 0.3 + 0.4 * math.exp(-(t - BEGIN_S) / 60.0)
     (e, n, u), (e0, n0, u0) = navigation(sysid, t), navigation(relative_to, t)
-    return events.ReceiverEstimate(
+    return decisions.ReceiverEstimate(
         at_s=t + 0.2,
         epoch_utc_s=made_up.UTC_S + t,
         receiver=sysid,
@@ -81,8 +81,8 @@ def records() -> Iterator[Record]:
 
 def health(
     t: float, status: Literal["initialising", "tracking", "degraded", "diverged"]
-) -> events.HealthChanged:
-    return events.HealthChanged(at_s=t, status=status, cause=None, detail="-")
+) -> decisions.HealthChanged:
+    return decisions.HealthChanged(at_s=t, status=status, cause=None, detail="-")
 
 
 def whole_flight() -> list[Record]:

@@ -7,8 +7,9 @@ from typing import TypeVar
 
 import msgspec
 
-from swarmctl import events
+from swarmctl import commands, decisions, events
 from swarmctl.events import Record
+from swarmctl.results import MissionResult
 
 R = TypeVar("R", bound=Record)
 
@@ -74,43 +75,43 @@ ONE_OF_EACH: tuple[Record, ...] = (
         navigation_enu=VECTOR,
     ),
     events.OperatorRequest(received_s=1.0, request="return_home"),
-    events.RequestHome(sysid=3),
-    events.RequestVersion(sysid=3),
-    events.StreamTelemetry(sysid=3, position_hz=10.0),
-    events.ReadParameter(sysid=3, parameter="RTL_ALT_M"),
-    events.WriteParameter(sysid=3, parameter="RTL_ALT_M", value=40.0),
-    events.UploadFence(sysid=3, lat_rad=0.9, lon_rad=0.1, radius_m=4030.0),
-    events.SetMode(sysid=3, mode=events.Mode.RETURN),
-    events.Arm(sysid=3),
-    events.Disarm(sysid=3),
-    events.TakeOff(sysid=3, alt_amsl_m=120.0),
-    events.GoTo(sysid=3, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=120.0, velocity_enu=VECTOR),
-    events.PhaseChanged(at_s=1.0, phase="observe", trigger="formed", reason="All in place."),
-    events.Estimate(
+    commands.RequestHome(sysid=3),
+    commands.RequestVersion(sysid=3),
+    commands.StreamTelemetry(sysid=3, position_hz=10.0),
+    commands.ReadParameter(sysid=3, parameter="RTL_ALT_M"),
+    commands.WriteParameter(sysid=3, parameter="RTL_ALT_M", value=40.0),
+    commands.UploadFence(sysid=3, lat_rad=0.9, lon_rad=0.1, radius_m=4030.0),
+    commands.SetMode(sysid=3, mode=events.Mode.RETURN),
+    commands.Arm(sysid=3),
+    commands.Disarm(sysid=3),
+    commands.TakeOff(sysid=3, alt_amsl_m=120.0),
+    commands.GoTo(sysid=3, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=120.0, velocity_enu=VECTOR),
+    decisions.PhaseChanged(at_s=1.0, phase="observe", trigger="formed", reason="All in place."),
+    decisions.Estimate(
         at_s=1.0, epoch_utc_s=1.79e9, position_enu=VECTOR, velocity_enu=VECTOR,
         covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
     ),
-    events.ReceiverEstimate(
+    decisions.ReceiverEstimate(
         at_s=1.0, epoch_utc_s=1.79e9, receiver=2, relative_to=1, clock_m=4.5, clock_sigma_m=1.2,
         drift_mps=0.06, drift_sigma_mps=0.01, navigation_enu=VECTOR, navigation_sigma_enu=VECTOR,
     ),
-    events.HealthChanged(at_s=1.0, status="tracking", cause=None, detail="All is well."),
-    events.HealthChanged(at_s=1.0, status="degraded", cause="noise", detail="A sentence."),
-    events.Plan(
+    decisions.HealthChanged(at_s=1.0, status="tracking", cause=None, detail="All is well."),
+    decisions.HealthChanged(at_s=1.0, status="degraded", cause="noise", detail="A sentence."),
+    decisions.Plan(
         at_s=1.0, reference=1, los_rad=0.5, formed=True,
         slots=(
-            events.Slot(
+            decisions.Slot(
                 sysid=1, position_enu=VECTOR, velocity_enu=VECTOR, error_m=None,
                 range_to_reference_m=None, joined=True,
             ),
-            events.Slot(
+            decisions.Slot(
                 sysid=2, position_enu=VECTOR, velocity_enu=VECTOR, error_m=1.5,
                 range_to_reference_m=200.0, joined=False,
             ),
         ),
     ),
-    events.Notice(at_s=1.0, level="warning", text="A sentence."),
-    events.MissionEnded(at_s=1.0, result="located", detail="Within 3 m."),
+    decisions.Notice(at_s=1.0, level="warning", text="A sentence."),
+    decisions.MissionEnded(at_s=1.0, result=MissionResult.LOCATED, detail="Within 3 m."),
 )  # fmt: skip
 
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from swarmctl.frames import Vector
 from swarmctl.recorder.distances import Distances
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
+from swarmctl.units import Vector
 
 GROUND_M = 40.0
 UTC_S = 1.79e9

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.estimation.feed.pairing import SPEED_OF_LIGHT_MPS
+from swarmctl.decisions import Estimate
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.events import ArrivalTime, Estimate, RangeDifference, RangeDifferences
-from swarmctl.frames import Vector
+from swarmctl.events import ArrivalTime, RangeDifference, RangeDifferences
 from swarmctl.recorder.estimate_accuracy import Accuracy
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
+from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
 
 UTC_S = 1.79e9
 STILL = (0.0, 0.0, 0.0)

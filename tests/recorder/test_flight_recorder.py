@@ -53,7 +53,7 @@ def test_everything_is_there_and_opens(tmp_path: Path) -> None:
     reader = mavutil.mavlink_connection(str(directory / "vehicles.tlog"))
     assert reader.recv_msg().get_type() == "HEARTBEAT"
     reader.close()
-    assert it.debrief.summary()["estimates"] == 1
+    assert it.debrief.figures().estimates == 1
 
 
 def test_the_same_flight_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
-from swarmctl.events import EmitterTruth, Estimate, Plan, Record, VehiclePosition
+from swarmctl.decisions import Estimate, Plan
+from swarmctl.events import EmitterTruth, Record, VehiclePosition
 from swarmctl.recorder import plots
 from swarmctl.recorder.debrief import Debrief
 from tests.recorder import flight as made_up
@@ -79,12 +80,12 @@ def test_a_vehicle_has_one_colour_in_all_pictures(whole_flight: Debrief) -> None
 
 
 def test_the_pictures_and_the_summary_agree(whole_flight: Debrief) -> None:
-    summary = whole_flight.summary()
+    summary = whole_flight.figures()
     close = plots._map(whole_flight).axes[1]
-    words = f"1-sigma {summary['final_sigma_m']:.1f} m, error {summary['final_error_m']:.1f} m"
+    words = f"1-sigma {summary.final_sigma_m:.1f} m, error {summary.final_error_m:.1f} m"
     assert words in [text.get_text() for text in close.texts]
     (curve,) = plots._ranges(whole_flight).axes[1].get_lines()[-2:-1]
-    assert np.min(curve.get_ydata()) == summary["min_standoff_m"]
+    assert np.min(curve.get_ydata()) == summary.min_standoff_m
 
 
 def test_the_phases_are_named_and_the_observing_ones_shaded(whole_flight: Debrief) -> None:

@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarmctl.events import PhaseChanged, ReceiverEstimate, ReceiverTruth, Record
+from swarmctl.decisions import PhaseChanged, ReceiverEstimate
+from swarmctl.events import ReceiverTruth, Record
 from swarmctl.recorder.debrief import Debrief
 from swarmctl.recorder.plots import write_plots
 from swarmctl.recorder.receiver_plot import draw_receivers

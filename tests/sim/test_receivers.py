@@ -13,7 +13,7 @@ from scipy import stats
 from sim.config import ReceiverConfig
 from sim.noise import Normals, generator
 from sim.receivers import Receivers
-from swarmctl.feed.schema import SPEED_OF_LIGHT_MPS
+from swarmctl.units import SPEED_OF_LIGHT_MPS
 
 RISK = 1e-4
 """Probability that a correct implementation misses one of the derived bounds."""

@@ -5,14 +5,21 @@ from __future__ import annotations
 import functools
 import json
 import math
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.estimation.model.range_difference import range_differences
-from swarmctl.study import paper_filters as paper
-from swarmctl.study.appendix_b import Convergence, InformationStudy, information
+from swarmctl.study import paper_filters
+from swarmctl.study.appendix_b import (
+    Convergence,
+    InformationStudy,
+    run_information,
+    write_information,
+)
 from swarmctl.study.engagement import Engagement, fly
 
 RUNS = 1000
@@ -30,13 +37,13 @@ each_formation = pytest.mark.parametrize("name", FORMATIONS)
 
 @functools.cache
 def of_table_1(name: str) -> InformationStudy:
-    return information(runs=RUNS, epochs=300, seed=1, formation=FORMATIONS[name])
+    return run_information(runs=RUNS, epochs=300, seed=1, formation=FORMATIONS[name])
 
 
 @functools.cache
 def twenty_times_noisier() -> InformationStudy:
     engagement = Engagement(sigma_r_m=10.0, sigma_p_m=10.0)
-    return information(
+    return run_information(
         runs=RUNS,
         epochs=1000,
         seed=2,
@@ -123,9 +130,9 @@ def test_the_real_error_is_that_of_the_whole_residual_and_not_what_the_limit_pro
     C, Cr = 0.25 * (np.eye(3) + 1.0), 0.25 * np.eye(3)
     D = np.linalg.norm(sight, axis=1)
     residual = 4.0 * (np.outer(D, D) * Cr + sight @ sight.T * C) + 2.0 * Cr**2 + 4.0 * C**2
-    back = np.linalg.inv(paper.rows(m, r))
+    back = np.linalg.inv(paper_filters.rows(m, r))
     mean_square = np.trace((back @ residual @ back.T)[:2, :2])
-    R = paper.uncertainty(m, r, np.full(3, 0.25), 0.5).R
+    R = paper_filters.uncertainty(m, r, np.full(3, 0.25), 0.5).R
     nees = (np.diag(residual) / R).sum()
 
     assert abs(study.error_m**2 / mean_square - 1.0) < FIVE_SIGMA
@@ -139,25 +146,29 @@ def test_v_takes_the_bias_out_of_the_estimate_it_has_no_part_in_the_information(
     """At six times the noise V is worth 32 m, ten standard errors of the mean."""
     engagement = Engagement(sigma_r_m=3.0, sigma_p_m=3.0)
     formation = FORMATIONS["perpendicular"]
-    study = information(runs=RUNS, epochs=1000, seed=3, formation=formation, engagement=engagement)
+    study = run_information(
+        runs=RUNS, epochs=1000, seed=3, formation=formation, engagement=engagement
+    )
     standard = study.error_m / math.sqrt(RUNS * 1000)
     assert 8.0 * standard < 32.0
     assert study.bias_m < 5.0 * standard
 
 
-def test_a_seed_is_one_result_and_json_holds_all_of_it() -> None:
-    arguments = {"runs": 3, "epochs": 40, "formation": FORMATIONS["uniform"]}
-    first, again, other = (
-        information(seed=seed, **arguments).to_json()  # type: ignore[arg-type]  # one of each type
-        for seed in (5, 5, 6)
-    )
-    assert first == again
-    assert first["frobenius"] != other["frobenius"]
-    read = json.loads(json.dumps(first))
-    assert read == first
-    assert set(read) == set(InformationStudy._fields)
-    assert set(read["scaled"]) == set(Convergence._fields)
-    assert len(read["scaled"]["measured_weight"]) == len(read["epochs"])
+def test_a_seed_is_one_result_and_json_holds_all_of_it(tmp_path: Path) -> None:
+    texts = []
+    for seed in (5, 5, 6):
+        study = run_information(runs=3, epochs=40, seed=seed, formation=FORMATIONS["uniform"])
+        write_information({"uniform": study}, 7, tmp_path)
+        texts.append((tmp_path / "information.json").read_text())
+    assert texts[0] == texts[1] != texts[2]
+    document = json.loads(texts[2])
+    assert (document["seed"], list(document["formations"])) == (7, ["uniform"])
+    read = document["formations"]["uniform"]
+    assert set(read) == {field.name for field in fields(InformationStudy)}
+    assert set(read["scaled"]) == {field.name for field in fields(Convergence)}
+    assert read["epochs"] == study.epochs.tolist()
+    assert read["scaled"]["measured_weight"] == study.scaled.measured_weight.tolist()
+    assert read["nees"] == study.nees
 
 
 @pytest.mark.parametrize(
@@ -174,4 +185,4 @@ def test_wrong_arguments_are_named(
     runs: int, epochs: int, formation: np.ndarray, message: str
 ) -> None:
     with pytest.raises(UsageError, match=message):
-        information(runs=runs, epochs=epochs, seed=1, formation=formation)
+        run_information(runs=runs, epochs=epochs, seed=1, formation=formation)

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.pcrb import pcrb
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity, transition
 from swarmctl.estimation.model.range_difference import effective_relative_covariance, jacobian
-from swarmctl.study import campaign as room
-from swarmctl.study import registry
-from swarmctl.study.campaign import CHUNK, Campaign, FormationResult, run
+from swarmctl.study import campaign as campaign_module
+from swarmctl.study.campaign import CHUNK, Campaign, FormationResult, run_campaign
 from swarmctl.study.engagement import Engagement, fly, prior_at, relative_state
 from swarmctl.study.executors import executing
 from swarmctl.study.filters import Belief, Filter, Prior, Scan, Track, iterated_ekf
+from swarmctl.study.registry import standard_registry
 from swarmctl.study.starts import (
     CA,
     CV,
@@ -32,8 +31,9 @@ from swarmctl.study.starts import (
     table_1_covariance,
 )
 from swarmctl.study.tally import BoundTally, Tally
+from swarmctl.units import Array
 
-FORMATIONS = registry.formations()
+FORMATIONS = standard_registry().formations()
 SHORT = Engagement(duration_s=0.1, rho=0.5)
 """Six epochs."""
 
@@ -100,20 +100,26 @@ def matched() -> Campaign:
     """All filters, both formations, three chunks."""
     noise = (0.01, 0.01)
     return Campaign(
-        DrawnTruth(), registry.filters(noise), FORMATIONS, 2 * CHUNK + 30, 3, noise, SHORT
+        DrawnTruth(),
+        standard_registry().filters(noise),
+        FORMATIONS,
+        2 * CHUNK + 30,
+        3,
+        noise,
+        SHORT,
     )
 
 
 @pytest.fixture(scope="module")
 def flown_here(matched: Campaign) -> dict[str, FormationResult]:
-    return run(matched)
+    return run_campaign(matched)
 
 
 def test_a_study_is_the_same_on_several_processes(
     matched: Campaign, flown_here: dict[str, FormationResult]
 ) -> None:
     with executing(workers=2) as executor:
-        assert_same(run(matched, executor), flown_here)
+        assert_same(run_campaign(matched, executor), flown_here)
 
 
 def test_a_study_is_the_same_on_a_dask_cluster(
@@ -130,18 +136,18 @@ def test_a_study_is_the_same_on_a_dask_cluster(
         address = cluster.scheduler_address.replace("tcp://", "dask://")
         assert address.startswith("dask://127.0.0.1:")
         with executing(address=address) as executor:
-            assert_same(run(matched, executor), flown_here)
+            assert_same(run_campaign(matched, executor), flown_here)
 
 
 def test_all_runs_of_all_chunks_are_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three chunks, the last one short; the sums are those of all their runs at once."""
-    monkeypatch.setattr(room, "CHUNK", 7)
+    monkeypatch.setattr(campaign_module, "CHUNK", 7)
     dead, told = Dead(), []
     campaign = Campaign(
         DrawnEstimate(), {"dead": dead}, {"uniform": FORMATIONS["uniform"]}, 17, 1, engagement=SHORT
     )
     assert campaign.chunks == 3
-    result = run(campaign, on_progress=lambda *done: told.append(done))["uniform"]
+    result = run_campaign(campaign, on_progress=lambda *done: told.append(done))["uniform"]
     assert told == [(7, 17), (14, 17), (17, 17)]
 
     assert [len(prior.mean) for prior in dead.priors] == [7, 7, 3]
@@ -164,11 +170,11 @@ def test_all_runs_of_all_chunks_are_counted_once(monkeypatch: pytest.MonkeyPatch
 def test_what_is_kept_does_not_grow_with_the_runs(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "CHUNK", 5)
+    monkeypatch.setattr(campaign_module, "CHUNK", 5)
 
     def sizes(runs: int) -> list[int]:
         filters = {"iterated": iterated_ekf()}
-        result = run(Campaign(start, filters, FORMATIONS, runs, 1, (0.1, 0.1), SHORT))
+        result = run_campaign(Campaign(start, filters, FORMATIONS, runs, 1, (0.1, 0.1), SHORT))
         kept: list[Tally | BoundTally] = []
         for each in result.values():
             kept += [*each.tallies.values(), each.cv_bound, each.ca_bound]
@@ -186,7 +192,7 @@ def test_every_formation_and_every_filter_meets_the_same_noise() -> None:
     campaign = Campaign(
         DrawnEstimate(), {"one": one, "other": other}, FORMATIONS, 5, 1, engagement=SHORT
     )
-    run(campaign)
+    run_campaign(campaign)
     epochs = len(SHORT.epochs_s)
     assert len(one.scans) == 2 * epochs
     for mine, yours in zip(one.scans, other.scans, strict=True):
@@ -210,7 +216,7 @@ def test_the_noise_does_not_depend_on_how_a_run_begins_but_on_the_seed() -> None
     def noise(start: Start, seed: int) -> Array:
         dead = Dead()
         one = {"uniform": FORMATIONS["uniform"]}
-        run(Campaign(start, {"dead": dead}, one, 4, seed, (0.1, 0.1), SHORT))
+        run_campaign(Campaign(start, {"dead": dead}, one, 4, seed, (0.1, 0.1), SHORT))
         return np.stack([scan.rd - scan.truth.rd for scan in dead.scans])
 
     expected = noise(DrawnEstimate(), 1)
@@ -230,7 +236,7 @@ def test_a_filter_of_one_s_own_gets_its_tally_beside_the_others() -> None:
     engagement = Engagement(period_s=4.0)
     dead, one = Dead(), {"uniform": FORMATIONS["uniform"]}
     campaign = Campaign(DrawnEstimate(), {"dead": dead}, one, runs, 1, engagement=engagement)
-    tally = run(campaign)["uniform"].tallies["dead"]
+    tally = run_campaign(campaign)["uniform"].tallies["dead"]
     P = table_1_covariance()
     variance = P[0, 0] + engagement.epochs_s**2 * P[3, 3]
     np.testing.assert_allclose(tally.claimed[:, 0], np.sqrt(variance), rtol=1e-9)
@@ -255,7 +261,7 @@ def test_a_relative_track_is_judged_by_the_relative_truth(start: Start) -> None:
     """Where positions are measured exactly both tracks have the same errors."""
     exact = replace(SHORT, sigma_p_m=0.0)
     filters: dict[str, Filter] = {"relative": Relative(), "absolute": Dead()}
-    result = run(Campaign(start, filters, FORMATIONS, 6, 1, (0.1, 0.1), exact))
+    result = run_campaign(Campaign(start, filters, FORMATIONS, 6, 1, (0.1, 0.1), exact))
     for each in result.values():
         for name in ("error", "square", "nees"):
             relative, absolute = (getattr(each.tallies[f], name) for f in filters)
@@ -285,7 +291,9 @@ def test_a_broken_run_is_lost_and_leaves_the_others_alone(wrong: float) -> None:
     sound, breaking = Dead(), Breaking(wrong)
     one = {"uniform": FORMATIONS["uniform"]}
     filters: dict[str, Filter] = {"breaking": breaking, "sound": sound}
-    result = run(Campaign(DrawnEstimate(), filters, one, 6, 1, engagement=SHORT))["uniform"]
+    result = run_campaign(Campaign(DrawnEstimate(), filters, one, 6, 1, engagement=SHORT))[
+        "uniform"
+    ]
     tracks = [Track(track.x.copy(), track.P) for track in sound.tracks]
     for k, run_lost in ((2, 3), (4, 1)):
         for track in tracks[k:]:
@@ -323,7 +331,7 @@ def test_a_filter_that_fails_is_named(error: Exception) -> None:
     filters: dict[str, Filter] = {"sound": Dead(), "mine": Raising(error)}
     campaign = Campaign(DrawnEstimate(), filters, FORMATIONS, 2, 1, engagement=SHORT)
     with pytest.raises(EstimationError, match=r"mine failed at epoch 2: P is no covariance\."):
-        run(campaign)
+        run_campaign(campaign)
 
 
 class Guarding(Dead):
@@ -335,7 +343,7 @@ class Guarding(Dead):
 
 def test_the_guard_s_firings_are_counted_per_epoch() -> None:
     filters: dict[str, Filter] = {"guarding": Guarding(), "plain": Dead()}
-    result = run(Campaign(DrawnEstimate(), filters, FORMATIONS, 7, 1, engagement=SHORT))
+    result = run_campaign(Campaign(DrawnEstimate(), filters, FORMATIONS, 7, 1, engagement=SHORT))
     assert result["uniform"].tallies["guarding"].guarded.tolist() == [4.0] * 6
     assert result["uniform"].tallies["plain"].guarded.tolist() == [0.0] * 6
 
@@ -402,11 +410,11 @@ def ca_bound(emitter: Array) -> Array:
 
 def bounds(emitters: Array, runs: int) -> FormationResult:
     one = {"uniform": FORMATIONS["uniform"]}
-    return run(Campaign(Given(emitters), {}, one, runs, 1, NOISE, BOUNDED))["uniform"]
+    return run_campaign(Campaign(Given(emitters), {}, one, runs, 1, NOISE, BOUNDED))["uniform"]
 
 
 def test_one_trajectory_has_one_bound_however_many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "CHUNK", 2)
+    monkeypatch.setattr(campaign_module, "CHUNK", 2)
     emitter = BOUNDED.emitter
     found = bounds(emitter, 5)
     assert (found.cv_bound.count, found.ca_bound.count) == (1, 1)
@@ -437,7 +445,10 @@ def test_drawn_trajectories_have_the_mean_of_their_bounds(monkeypatch: pytest.Mo
     [
         (lambda c: replace(c, runs=1), "A study needs at least 2 runs, not 1."),
         (lambda c: replace(c, seed=-1), "A seed must be 0 or more, not -1."),
-        (lambda c: run(replace(c, formations={"bad": np.zeros((3, 3))})), "A formation must be"),
+        (
+            lambda c: run_campaign(replace(c, formations={"bad": np.zeros((3, 3))})),
+            "A formation must be",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(change: Callable[[Campaign], object], sentence: str) -> None:

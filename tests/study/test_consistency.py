@@ -14,20 +14,22 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import mean_bounds
-from swarmctl.study import consistency as study
-from swarmctl.study import registry
-from swarmctl.study.campaign import FormationResult, run
-from swarmctl.study.consistency import CASES, Case, Instant, Row, Target, consistency
+from swarmctl.study import consistency
+from swarmctl.study.campaign import FormationResult, run_campaign
+from swarmctl.study.consistency import CASES, Case, Instant, Row, Target, run_consistency
 from swarmctl.study.engagement import Engagement
+from swarmctl.study.filters import Filter
+from swarmctl.study.registry import JUDGED, Registry
 from swarmctl.study.starts import DrawnEstimate
 from swarmctl.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Figure, Tally
+from tests.study.registries import factory, registry_of
 
 RUNS = 200
 PROBABILITY = 0.999
 NORMAL_999 = 3.290527
 """Two-sided 99.9 % quantile of the normal distribution."""
 
-JUDGED, PAPER_S, EKF = registry.JUDGED, "NCRKF, the paper's", "EKF, the paper's"
+PAPER_S, EKF = "NCRKF, the paper's", "EKF, the paper's"
 COMPARED = ("literal", "range-ignorant")
 """Cases in which the paper's filters are flown beside the judged one."""
 
@@ -42,22 +44,22 @@ class Flown(NamedTuple):
 @pytest.fixture(scope="module")
 def flown() -> dict[str, Flown]:
     """Every case by name, up to the last time that is judged, with the filters needed."""
-    table = dict(registry._filters)
     results: list[FormationResult] = []
 
     def noted(*args: object) -> dict[str, FormationResult]:
-        by_formation = run(*args)  # type: ignore[arg-type]  # passed on
+        by_formation = run_campaign(*args)  # type: ignore[arg-type]  # passed on
         results.extend(by_formation.values())
         return by_formation
 
     cases = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, "run", noted)
-        patch.setattr(study, "Engagement", partial(Engagement, duration_s=study.LOST_AT_S))
+        patch.setattr(consistency, "run_campaign", noted)
+        patch.setattr(
+            consistency, "Engagement", partial(Engagement, duration_s=consistency.LOST_AT_S)
+        )
         for case in CASES:
             names = (JUDGED, PAPER_S, EKF) if case in COMPARED else (JUDGED,)
-            patch.setattr(registry, "_filters", {name: table[name] for name in names})
-            rows = consistency(runs=RUNS, cases=(case,))
+            rows = run_consistency(registry_of(*names), runs=RUNS, cases=(case,))
             cases[case] = Flown({row.filter: row for row in rows}, results.pop())
     return cases
 
@@ -132,26 +134,30 @@ def test_every_case_is_flown_with_every_filter_and_its_own_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """In the paper's formation, with equal receivers; progress is told over all cases."""
-    table = dict(registry._filters)
     told: list[tuple[float, float]] = []
 
-    def make(noise: tuple[float, float]) -> object:
+    def make(noise: tuple[float, float]) -> Filter:
         told.append(noise)
-        return table["iterated EKF"](noise)
+        return factory("iterated EKF")(noise)
 
-    monkeypatch.setattr(registry, "_filters", {"mine": make, "OKF": table["OKF"]})
-    monkeypatch.setattr(study, "TIMES_S", (0.02, 0.1))
-    monkeypatch.setattr(study, "LOST_AT_S", 0.1)
+    registry = Registry()
+    registry.register_filter("mine", make)
+    registry.register_filter("OKF", factory("OKF"))
+    monkeypatch.setattr(consistency, "TIMES_S", (0.02, 0.1))
+    monkeypatch.setattr(consistency, "LOST_AT_S", 0.1)
     scenes = []
 
     def short(**parameters: float) -> Engagement:
         scenes.append(parameters)
         return Engagement(duration_s=0.1, **parameters)
 
-    monkeypatch.setattr(study, "Engagement", short)
+    monkeypatch.setattr(consistency, "Engagement", short)
     progress: list[tuple[int, int]] = []
-    rows = consistency(
-        runs=3, cases=("matched", "literal-20"), on_progress=lambda *done: progress.append(done)
+    rows = run_consistency(
+        registry,
+        runs=3,
+        cases=("matched", "literal-20"),
+        on_progress=lambda *done: progress.append(done),
     )
     assert [(row.case, row.filter) for row in rows] == [
         ("matched", "mine"),
@@ -166,12 +172,12 @@ def test_every_case_is_flown_with_every_filter_and_its_own_noise(
 
 def test_an_unknown_case_is_named_with_those_there_are() -> None:
     with pytest.raises(UsageError, match="There is no case 'best'; there are matched, literal, "):
-        consistency(runs=2, cases=("literal", "best"))
+        run_consistency(Registry(), runs=2, cases=("literal", "best"))
 
 
 def test_a_study_of_one_run_is_refused() -> None:
     with pytest.raises(UsageError, match="at least 2 runs, not 1"):
-        consistency(runs=1, cases=("literal",))
+        run_consistency(Registry(), runs=1, cases=("literal",))
 
 
 # --- Targets ---------------------------------------------------------------------------
@@ -196,7 +202,7 @@ def fabricated(error_m: float, sigma_m: float, lost: int = 0) -> FormationResult
 
 def shortfalls(result: FormationResult, target: Target | None = TARGET) -> tuple[str, ...] | None:
     case = Case("fabricated", DrawnEstimate(), (0.0, 0.0), target)
-    return study._row("literal", case, JUDGED, result).shortfalls
+    return consistency._row("literal", case, JUDGED, result).shortfalls
 
 
 def test_what_is_met_is_no_shortfall() -> None:
@@ -247,9 +253,9 @@ def test_a_target_is_met_when_the_interval_reaches_it() -> None:
         (Figure(1.0, 0.9, 1.1), Figure(1.3, 1.1, 1.51), 0),
         (Figure(1.0, 0.9, 1.1), Figure(1.3, 1.1, 1.49), 1),
     ):
-        assert len(study._shortfalls(TARGET, instant(ratio, nees), 0)) == missed
+        assert len(consistency._shortfalls(TARGET, instant(ratio, nees), 0)) == missed
 
 
 def test_only_the_judged_filter_has_targets() -> None:
     case = Case("fabricated", DrawnEstimate(), (0.0, 0.0), TARGET)
-    assert study._row("literal", case, EKF, fabricated(9.0, 1.0)).shortfalls is None
+    assert consistency._row("literal", case, EKF, fabricated(9.0, 1.0)).shortfalls is None

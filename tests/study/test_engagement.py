@@ -11,7 +11,6 @@ import pytest
 from scipy import stats
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.study.engagement import (
@@ -24,6 +23,7 @@ from swarmctl.study.engagement import (
     prior_at,
     relative_state,
 )
+from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
 RISK = 1e-4

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.consistency import mean_bounds
-from swarmctl.estimation.kernels import ekf as extended
-from swarmctl.estimation.kernels import ncrkf as consistent
+from swarmctl.estimation.kernels import ekf as ekf_kernel
+from swarmctl.estimation.kernels import ncrkf as ncrkf_kernel
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity
 from swarmctl.estimation.model.range_difference import (
     effective_covariance,
@@ -23,7 +22,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
-from swarmctl.study import paper_filters as paper
+from swarmctl.study import paper_filters
 from swarmctl.study.filters import (
     Belief,
     Filter,
@@ -37,6 +36,7 @@ from swarmctl.study.filters import (
     ncrkf,
     okf,
 )
+from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
 STATES: tuple[State, ...] = ("absolute", "relative", "accelerated")
@@ -187,35 +187,37 @@ def test_each_state_takes_its_own_of_the_prior_and_gives_it_back() -> None:
 
 def paper_s(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     m = scan.companions - scan.reference
-    return paper.ncrkf_update(x, P, m, scan.rd, np.diag(scan.rd_covariance), scan.sigma_p)
+    return paper_filters.ncrkf_update(x, P, m, scan.rd, np.diag(scan.rd_covariance), scan.sigma_p)
 
 
 def optimal(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     m, variance = scan.companions - scan.reference, np.diag(scan.rd_covariance)
-    return paper.okf_update(
+    return paper_filters.okf_update(
         x, P, scan.truth.baselines, scan.truth.rd, m, scan.rd, variance, scan.sigma_p
     )
 
 
 def table_1_s(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     R = np.diag(np.diag(scan.rd_covariance))
-    return extended.update(x, P, 0.0 * scan.reference, scan.companions - scan.reference, scan.rd, R)
+    return ekf_kernel.update(
+        x, P, 0.0 * scan.reference, scan.companions - scan.reference, scan.rd, R
+    )
 
 
 def absolute(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     at = (scan.reference, scan.companions, scan.rd, scan.rd_covariance)
-    return consistent.update(x, P, *at, scan.sigma_p)[:2]
+    return ncrkf_kernel.update(x, P, *at, scan.sigma_p)[:2]
 
 
 def relative(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     m = scan.companions - scan.reference
     C = effective_relative_covariance(scan.rd_covariance, scan.sigma_p, x[:2], m)
-    return consistent.update(x, P, 0.0 * scan.reference, m, scan.rd, C, 0.0)[:2]
+    return ncrkf_kernel.update(x, P, 0.0 * scan.reference, m, scan.rd, C, 0.0)[:2]
 
 
 def iterated(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     C = effective_covariance(scan.rd_covariance, scan.sigma_p)
-    return extended.update(x, P, scan.reference, scan.companions, scan.rd, C, 4)
+    return ekf_kernel.update(x, P, scan.reference, scan.companions, scan.rd, C, 4)
 
 
 VELOCITY, ACCELERATION = ConstantVelocity((0.04, 0.09)), ConstantAcceleration((0.04, 0.09))

@@ -9,16 +9,16 @@ import pytest
 
 from swarmctl.errors import MissionFileError, UsageError
 from swarmctl.mission.mission_file_loading import parse_mission
-from swarmctl.study import formation as room
-from swarmctl.study.formation import Flight, fly, formation, mission_text
+from swarmctl.study import formation
+from swarmctl.study.formation import Flight, fly_mission, mission_text, run_formation
 
 
-def made_up(monkeypatch: pytest.MonkeyPatch, times: dict[str, list[float]]) -> list[room.Cell]:
+def made_up(monkeypatch: pytest.MonkeyPatch, times: dict[str, list[float]]) -> list[formation.Cell]:
     """What the study makes of given times to converge; every error is 3 m."""
-    monkeypatch.setattr(room, "fly", lambda work: Flight(times[work[0]][work[2]], 3.0))
+    monkeypatch.setattr(formation, "fly_mission", lambda work: Flight(times[work[0]][work[2]], 3.0))
     runs = len(next(iter(times.values())))
     # The names must be ones a mission file knows.
-    return formation(runs=runs, designs=tuple(times), companions=(3,))
+    return run_formation(runs=runs, designs=tuple(times), companions=(3,))
 
 
 def test_the_best_design_is_the_measure_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,7 +44,7 @@ def test_a_mission_counts_only_if_every_design_converged_in_it(
 def test_the_interval_covers_the_true_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two designs alike but for 10 %, 60 noisy missions, 100 studies: 95 of them cover."""
     rng = np.random.default_rng(1)
-    monkeypatch.setattr(room, "RESAMPLES", 400)
+    monkeypatch.setattr(formation, "RESAMPLES", 400)
     covered = 0
     for _ in range(100):
         base = rng.normal(30.0, 6.0, 60)
@@ -64,18 +64,18 @@ def test_every_number_of_companions_is_a_mission(companions: int) -> None:
 
 
 def test_a_flight_ends_when_it_has_converged_and_a_seed_repeats_it() -> None:
-    flight = fly(("optimal", 3, 5))
+    flight = fly_mission(("optimal", 3, 5))
     assert 0.0 < flight.converged_s < 120.0
     # At 1-sigma 25 m, an error of five sigmas is no chance.
     assert flight.error_m < 125.0
-    assert fly(("optimal", 3, 5)) == flight
+    assert fly_mission(("optimal", 3, 5)) == flight
 
 
 def test_the_optimal_formation_of_four_is_sooner_than_the_paper_s() -> None:
     """By the Cramér-Rao bound about 26 against 40 s; a handful of missions shows that much."""
     cells = {
         cell.design: cell
-        for cell in formation(runs=3, designs=("paper", "optimal"), companions=(4,))
+        for cell in run_formation(runs=3, designs=("paper", "optimal"), companions=(4,))
     }
     assert cells["optimal"].of_best == 1.0
     assert cells["paper"].of_best > 1.2
@@ -83,6 +83,6 @@ def test_the_optimal_formation_of_four_is_sooner_than_the_paper_s() -> None:
 
 def test_wrong_arguments_are_sentences() -> None:
     with pytest.raises(UsageError, match="at least 2 runs, not 1"):
-        formation(runs=1)
+        run_formation(runs=1)
     with pytest.raises(MissionFileError, match=r"formation\.design is 'square'"):
-        formation(designs=("square",))
+        run_formation(designs=("square",))

@@ -12,7 +12,7 @@ from filterpy.kalman import KalmanFilter
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.model.motion import ConstantAcceleration
 from swarmctl.estimation.model.range_difference import range_differences
-from swarmctl.study import paper_filters as paper
+from swarmctl.study import paper_filters
 from tests.estimation.scenarios import table_1
 
 P_0 = np.diag([100.0, 100.0, 141.0, 30.0, 30.0, 42.0, 10.0, 10.0, 14.0]) ** 2 / 9.0
@@ -80,12 +80,12 @@ def test_the_okf_is_filterpy_s_kalman_filter_with_the_true_matrix() -> None:
     x, P = start(rng)
     judge = kalman_judge(x)
     for at in measured_epochs(rng):
-        x, P = paper.okf_update(
+        x, P = paper_filters.okf_update(
             x, P, at.true_baselines, at.true_rd, at.baselines, at.rd, VARIANCE, SIGMA_P
         )
-        R = paper.uncertainty(at.true_baselines, at.true_rd, VARIANCE, SIGMA_P).R
-        y = paper.measurement(at.baselines, at.rd, VARIANCE, SIGMA_P)
-        judge.update(y, R=np.diag(R), H=padded(paper.rows(at.true_baselines, at.true_rd)))
+        R = paper_filters.uncertainty(at.true_baselines, at.true_rd, VARIANCE, SIGMA_P).R
+        y = paper_filters.measurement(at.baselines, at.rd, VARIANCE, SIGMA_P)
+        judge.update(y, R=np.diag(R), H=padded(paper_filters.rows(at.true_baselines, at.true_rd)))
         assert_same(x, P, judge.x, judge.P, 1e-9)
         x, P = forward(x, P)
         judge.predict()
@@ -95,21 +95,21 @@ def test_without_uncertainty_the_ncrkf_is_filterpy_s_kalman_filter(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """With W = V = 0, Eqs. (8) and (9) are the information form of a Kalman filter."""
-    printed = paper.uncertainty
+    printed = paper_filters.uncertainty
 
-    def certain(*arguments: object) -> paper.Uncertainty:
+    def certain(*arguments: object) -> paper_filters.Uncertainty:
         R, W, V = printed(*arguments)  # type: ignore[arg-type]  # handed through
-        return paper.Uncertainty(R, 0.0 * W, 0.0 * V)
+        return paper_filters.Uncertainty(R, 0.0 * W, 0.0 * V)
 
-    monkeypatch.setattr(paper, "uncertainty", certain)
+    monkeypatch.setattr(paper_filters, "uncertainty", certain)
     rng = np.random.default_rng(2)
     x, P = start(rng)
     judge = kalman_judge(x)
     for at in measured_epochs(rng):
-        x, P = paper.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
+        x, P = paper_filters.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
         R = printed(at.baselines, at.rd, VARIANCE, SIGMA_P).R
-        y = paper.measurement(at.baselines, at.rd, VARIANCE, SIGMA_P)
-        judge.update(y, R=np.diag(R), H=padded(paper.rows(at.baselines, at.rd)))
+        y = paper_filters.measurement(at.baselines, at.rd, VARIANCE, SIGMA_P)
+        judge.update(y, R=np.diag(R), H=padded(paper_filters.rows(at.baselines, at.rd)))
         assert_same(x, P, judge.x, judge.P, 1e-9)
         x, P = forward(x, P)
         judge.predict()
@@ -136,7 +136,7 @@ def test_the_ncrkf_is_equations_8_and_9() -> None:
     rng = np.random.default_rng(3)
     x, P = start(rng)
     for at in measured_epochs(rng):
-        found = paper.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
+        found = paper_filters.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
         assert_same(*found, *as_printed(x, P, at), 1e-9)
         np.testing.assert_array_equal(found[1], found[1].T)
         x, P = forward(*found)
@@ -147,13 +147,13 @@ def test_a_batch_is_a_loop() -> None:
     x, P = start(rng, 3, 2)
     for at in list(measured_epochs(rng, 3, 2))[:10]:
         true = (at.true_baselines, at.true_rd)
-        okf = paper.okf_update(x, P, *true, at.baselines, at.rd, VARIANCE, SIGMA_P)
-        ncrkf = paper.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
+        okf = paper_filters.okf_update(x, P, *true, at.baselines, at.rd, VARIANCE, SIGMA_P)
+        ncrkf = paper_filters.ncrkf_update(x, P, at.baselines, at.rd, VARIANCE, SIGMA_P)
         for i in np.ndindex(3, 2):
             m, r = at.baselines[i], at.rd[i]
-            one = paper.okf_update(x[i], P[i], *true, m, r, VARIANCE, SIGMA_P)
+            one = paper_filters.okf_update(x[i], P[i], *true, m, r, VARIANCE, SIGMA_P)
             assert_same(okf[0][i], okf[1][i], *one, 1e-9)
-            one = paper.ncrkf_update(x[i], P[i], m, r, VARIANCE, SIGMA_P)
+            one = paper_filters.ncrkf_update(x[i], P[i], m, r, VARIANCE, SIGMA_P)
             assert_same(ncrkf[0][i], ncrkf[1][i], *one, 1e-9)
         x, P = forward(*ncrkf)
 
@@ -171,15 +171,15 @@ def test_what_is_random_has_the_variances_and_covariances_printed() -> None:
     r = range_differences(p, np.zeros(3), m)
     d_m = rng.normal(0.0, SIGMA_P, (draws, 2, 3)) - rng.normal(0.0, SIGMA_P, (draws, 1, 3))
     d_r = np.sqrt(variance) * rng.standard_normal((draws, 2))
-    y = paper.measurement(m + d_m, r + d_r, variance, SIGMA_P)
+    y = paper_filters.measurement(m + d_m, r + d_r, variance, SIGMA_P)
     s = np.array([*p, np.linalg.norm(p)])
 
-    v = y - paper.rows(m, r) @ s  # Eq. (2) with the true H
-    d_h = paper.rows(m + d_m, r + d_r) - paper.rows(m, r)
-    residual = y - np.matvec(paper.rows(m + d_m, r + d_r), s)
+    v = y - paper_filters.rows(m, r) @ s  # Eq. (2) with the true H
+    d_h = paper_filters.rows(m + d_m, r + d_r) - paper_filters.rows(m, r)
+    residual = y - np.matvec(paper_filters.rows(m + d_m, r + d_r), s)
     np.testing.assert_allclose(residual, v - d_h @ s, atol=1e-9)
 
-    R, W, V = paper.uncertainty(m, r, variance, SIGMA_P)
+    R, W, V = paper_filters.uncertainty(m, r, variance, SIGMA_P)
     assert_mean(v, np.zeros(2))
     assert_mean(residual, np.zeros(2))
     assert_mean(v * v, R)
@@ -199,7 +199,7 @@ def test_a_singular_update_is_refused() -> None:
     x, P = np.zeros(9), np.zeros((9, 9))
     P[2, 2] = -1.5  # A = (4 r² - 4 var) / R = 12 / 18 for the range
     with pytest.raises(EstimationError, match="singular"):
-        paper.ncrkf_update(x, P, np.zeros((1, 2)), np.array([2.0]), np.array([1.0]), 0.0)
+        paper_filters.ncrkf_update(x, P, np.zeros((1, 2)), np.array([2.0]), np.array([1.0]), 0.0)
     known = np.zeros((1, 2)), np.array([0.0])
     with pytest.raises(EstimationError, match="singular"):
-        paper.okf_update(x, np.zeros((9, 9)), *known, *known, np.array([0.0]), 0.0)
+        paper_filters.okf_update(x, np.zeros((9, 9)), *known, *known, np.array([0.0]), 0.0)

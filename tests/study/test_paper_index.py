@@ -17,10 +17,8 @@ import pytest
 from swarmctl.errors import FormationError
 from swarmctl.formation.information import fisher, slots_in_los_frame
 from swarmctl.formation.requirements import Noise
-from swarmctl.study import paper_filters as paper
-from swarmctl.study import paper_index
+from swarmctl.study import paper_filters, paper_index
 from swarmctl.study.paper_index import (
-    Array,
     exact_correlated,
     exact_correlated_unknown_range,
     exact_independent,
@@ -33,6 +31,7 @@ from swarmctl.study.paper_index import (
     perpendicular_limit_by_pairs,
     tangent_variance,
 )
+from swarmctl.units import Array
 
 RANGE = 5000.0
 D = 300.0
@@ -63,7 +62,7 @@ def range_difference(theta: Array, d: Array) -> Array:
 
 def information_of_the_linear_model(design: Array, weight: Array) -> Array:
     """Hᵀ M H of the paper's rows h_j, 3 x 3, for one design."""
-    rows = paper.rows(slots_in_los_frame(design), range_difference(*design.T))
+    rows = paper_filters.rows(slots_in_los_frame(design), range_difference(*design.T))
     information: Array = rows.T @ weight @ rows
     return information
 
@@ -80,7 +79,7 @@ def assert_within(ratio: Array, share: float | Array) -> None:
 def test_equation_16_is_the_determinant_of_13_with_the_paper_s_own_rows_and_variances() -> None:
     for design in some_designs(count=20):
         rd = range_difference(*design.T)
-        R = paper.uncertainty(slots_in_los_frame(design), rd, np.full(4, 0.25), 0.5).R
+        R = paper_filters.uncertainty(slots_in_los_frame(design), rd, np.full(4, 0.25), 0.5).R
         expected = np.linalg.det(information_of_the_linear_model(design, np.diag(1.0 / R))[:2, :2])
         assert exact_independent(design, RANGE, TABLE_1) == pytest.approx(expected, rel=1e-9)
 

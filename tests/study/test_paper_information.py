@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.motion import ConstantAcceleration
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
-from swarmctl.study import paper_filters as paper
-from swarmctl.study import paper_information as information
+from swarmctl.study import paper_filters, paper_information
+from swarmctl.units import Array
 
 
 class Geometry(NamedTuple):
@@ -24,8 +23,8 @@ class Geometry(NamedTuple):
     sigma_p: float
 
     @property
-    def weight(self) -> paper.Uncertainty:
-        return paper.uncertainty(self.baselines, self.rd, np.diag(self.Cr), self.sigma_p)
+    def weight(self) -> paper_filters.Uncertainty:
+        return paper_filters.uncertainty(self.baselines, self.rd, np.diag(self.Cr), self.sigma_p)
 
 
 def close_up() -> Geometry:
@@ -51,9 +50,9 @@ def test_the_recursion_is_the_stacked_form_of_appendix_a() -> None:
     H[..., :3] = rng.standard_normal((steps + 1, N, 3))
     R = rng.uniform(0.5, 2.0, (steps + 1, N))
 
-    J = information.advance(np.zeros((n, n)), np.eye(n), block(H[0], R[0]))
+    J = paper_information.advance(np.zeros((n, n)), np.eye(n), block(H[0], R[0]))
     for k in range(1, steps + 1):
-        J = information.advance(J, F[k - 1], block(H[k], R[k]))
+        J = paper_information.advance(J, F[k - 1], block(H[k], R[k]))
         phi = np.eye(n)
         for step in range(k):
             phi = np.concatenate([phi @ np.linalg.inv(F[step]), np.eye(n)])
@@ -74,15 +73,15 @@ def test_the_leading_block_is_the_plain_sum_but_unknown_derivatives_cost_informa
     roots = rng.standard_normal((12, 3, 3))
     J: Array = np.zeros((9, 9))
     for root in roots:
-        J = information.advance(J, F, root @ root.T)
+        J = paper_information.advance(J, F, root @ root.T)
     total = (roots @ roots.mT).sum(0)
     np.testing.assert_allclose(J[:3, :3], total, rtol=1e-10)
 
-    position = information.marginal(J, 2)
+    position = paper_information.marginal(J, 2)
     np.testing.assert_allclose(position, np.linalg.inv(np.linalg.inv(J)[:2, :2]), rtol=1e-6)
     # Eq. (13) takes D_0 as known, Eq. (44) the derivatives too. One unknown costs in one
     # direction, six in both.
-    derivatives_known = information.marginal(total, 2)
+    derivatives_known = paper_information.marginal(total, 2)
     cost = np.linalg.eigvalsh(total[:2, :2] - derivatives_known)
     assert cost == pytest.approx([0.0, cost[1]], abs=1e-10)
     assert cost[1] > 0.1
@@ -91,10 +90,10 @@ def test_the_leading_block_is_the_plain_sum_but_unknown_derivatives_cost_informa
 
 def test_states_nobody_has_measured_cost_the_others_nothing() -> None:
     told = np.array([[2.0, 0.5], [0.5, 1.0]])
-    padded = information.advance(np.zeros((5, 5)), np.eye(5), told)
-    np.testing.assert_allclose(information.marginal(padded, 2), told)
-    np.testing.assert_allclose(information.marginal(padded, 1), [[2.0 - 0.25]])
-    np.testing.assert_array_equal(information.marginal(told, 2), told)
+    padded = paper_information.advance(np.zeros((5, 5)), np.eye(5), told)
+    np.testing.assert_allclose(paper_information.marginal(padded, 2), told)
+    np.testing.assert_allclose(paper_information.marginal(padded, 1), [[2.0 - 0.25]])
+    np.testing.assert_array_equal(paper_information.marginal(told, 2), told)
 
 
 # --- Appendix B ------------------------------------------------------------------------
@@ -103,7 +102,7 @@ def test_states_nobody_has_measured_cost_the_others_nothing() -> None:
 def test_the_optimal_increment_is_eq_13_bordered_by_the_range() -> None:
     at = close_up()
     (x, y), r, R = at.baselines.T, at.rd, at.weight.R
-    I_o = information.optimal_increment(at.baselines, at.rd, at.weight)
+    I_o = paper_information.optimal_increment(at.baselines, at.rd, at.weight)
     printed = 4.0 * np.array(
         [
             [(x * x / R).sum(), (x * y / R).sum()],
@@ -127,11 +126,11 @@ def test_the_robust_increment_has_the_optimal_one_s_mean_and_the_stated_covarian
     baselines = at.baselines + dp[:, 1:] - dp[:, :1]
     rd = at.rd + rng.standard_normal((draws, N)) @ np.linalg.cholesky(at.Cr).T
 
-    I_o = information.optimal_increment(at.baselines, at.rd, at.weight)
-    spread = information.increment_covariance(
+    I_o = paper_information.optimal_increment(at.baselines, at.rd, at.weight)
+    spread = paper_information.increment_covariance(
         at.baselines, at.rd, at.weight, at.Cr, at.sigma_p
     ).reshape(9, 9)
-    error = (information.robust_increment(baselines, rd, at.weight) - I_o).reshape(draws, 9)
+    error = (paper_information.robust_increment(baselines, rd, at.weight) - I_o).reshape(draws, 9)
     standard = np.sqrt(np.diag(spread) / draws)
     W = np.diag((at.weight.W / at.weight.R[:, None]).sum(0)).ravel()
     assert (W[::4] > 20.0 * standard[::4]).all()
@@ -142,8 +141,8 @@ def test_the_robust_increment_has_the_optimal_one_s_mean_and_the_stated_covarian
         bound = 5.0 * products.std(0) / np.sqrt(draws)
         assert (np.abs(products.mean(0) - spread[entry]) < bound).all()
 
-    own = paper.uncertainty(baselines, rd, np.diag(at.Cr), at.sigma_p)
-    measured = information.robust_increment(baselines, rd, own).mean(0) - I_o
+    own = paper_filters.uncertainty(baselines, rd, np.diag(at.Cr), at.sigma_p)
+    measured = paper_information.robust_increment(baselines, rd, own).mean(0) - I_o
     assert (np.abs(np.diag(measured)) > 20.0 * standard[::4]).any()
 
 
@@ -151,42 +150,42 @@ def test_a_batch_is_a_loop() -> None:
     rng = np.random.default_rng(4)
     baselines, rd = rng.normal(0.0, 50.0, (2, 3, 4, 3)), rng.normal(0.0, 50.0, (2, 3, 4))
     Cr = rd_covariance([1.0, 2.0, 1.5, 1.0], 0.3)
-    weight = paper.uncertainty(baselines, rd, np.diag(Cr), 0.5)
+    weight = paper_filters.uncertainty(baselines, rd, np.diag(Cr), 0.5)
     F = random_steps(rng, 1, 12)[0]
-    robust = information.robust_increment(baselines, rd, weight)
-    spread = information.increment_covariance(baselines, rd, weight, Cr, 0.5)
-    J = information.advance(np.eye(12), F, robust)
-    position = information.marginal(J, 3)
+    robust = paper_information.robust_increment(baselines, rd, weight)
+    spread = paper_information.increment_covariance(baselines, rd, weight, Cr, 0.5)
+    J = paper_information.advance(np.eye(12), F, robust)
+    position = paper_information.marginal(J, 3)
     assert position.shape == (2, 3, 3, 3)
     for i in np.ndindex(2, 3):
-        one = paper.uncertainty(baselines[i], rd[i], np.diag(Cr), 0.5)
+        one = paper_filters.uncertainty(baselines[i], rd[i], np.diag(Cr), 0.5)
         np.testing.assert_allclose(
-            robust[i], information.robust_increment(baselines[i], rd[i], one), rtol=1e-12
+            robust[i], paper_information.robust_increment(baselines[i], rd[i], one), rtol=1e-12
         )
         np.testing.assert_allclose(
             spread[i],
-            information.increment_covariance(baselines[i], rd[i], one, Cr, 0.5),
+            paper_information.increment_covariance(baselines[i], rd[i], one, Cr, 0.5),
             rtol=1e-10,
             atol=1e-12 * spread[i].max(),
         )
-        alone = information.advance(np.eye(12), F, robust[i])
+        alone = paper_information.advance(np.eye(12), F, robust[i])
         np.testing.assert_allclose(J[i], alone, rtol=1e-12)
-        np.testing.assert_allclose(position[i], information.marginal(alone, 3), rtol=1e-9)
+        np.testing.assert_allclose(position[i], paper_information.marginal(alone, 3), rtol=1e-9)
 
 
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(EstimationError, match="information must have shape"):
-        information.advance(np.zeros((3, 2)), np.eye(2), np.eye(2))
+        paper_information.advance(np.zeros((3, 2)), np.eye(2), np.eye(2))
     with pytest.raises(EstimationError, match="transition must have shape"):
-        information.advance(np.eye(3), np.eye(2), np.eye(2))
+        paper_information.advance(np.eye(3), np.eye(2), np.eye(2))
     with pytest.raises(EstimationError, match="transition must not be singular"):
-        information.advance(np.eye(3), np.zeros((3, 3)), np.eye(2))
+        paper_information.advance(np.eye(3), np.zeros((3, 3)), np.eye(2))
     with pytest.raises(EstimationError, match="increment must be at most"):
-        information.advance(np.eye(3), np.eye(3), np.eye(4))
+        paper_information.advance(np.eye(3), np.eye(3), np.eye(4))
     with pytest.raises(EstimationError, match="increment must have shape"):
-        information.advance(np.eye(3), np.eye(3), np.zeros((1, 2)))
+        paper_information.advance(np.eye(3), np.eye(3), np.zeros((1, 2)))
     with pytest.raises(EstimationError, match="information must have shape"):
-        information.marginal(np.zeros((3, 2)), 1)
+        paper_information.marginal(np.zeros((3, 2)), 1)
     for kept in (0, 4):
         with pytest.raises(EstimationError, match="kept must be within"):
-            information.marginal(np.eye(3), kept)
+            paper_information.marginal(np.eye(3), kept)

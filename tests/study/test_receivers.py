@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.study.engagement import Engagement, Moment, fly
 from swarmctl.study.receivers import ECHO_M, Heard, Receivers, Reception, scan_of
+from swarmctl.units import Array
 
 RUNS = 4000
 RISK = 1e-4

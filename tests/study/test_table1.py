@@ -14,30 +14,28 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from swarmctl.errors import EstimationError, UsageError
-from swarmctl.estimation.arguments import Array
-from swarmctl.study import plots as figures
-from swarmctl.study import registry
+from swarmctl.study import plots
 from swarmctl.study.campaign import Campaign, FormationResult
 from swarmctl.study.engagement import Engagement
+from swarmctl.study.registry import JUDGED, Registry
 from swarmctl.study.starts import DrawnEstimate
-from swarmctl.study.table1 import TIMES_S, Scene, Table1, table1, write
+from swarmctl.study.table1 import TIMES_S, Scene, Table1, run_table1, write_table1
 from swarmctl.study.tally import BoundTally, Tally
+from swarmctl.units import Array
+from tests.study.registries import registry_of
 
 RUNS = 20
 FORMATIONS = ("perpendicular", "uniform", "mine")
-FILTERS = (registry.JUDGED, "EKF, the paper's")
+FILTERS = (JUDGED, "EKF, the paper's")
 
 
 @pytest.fixture(scope="module")
-def table() -> Iterator[Table1]:
+def table() -> Table1:
     """Two filters, for speed; a formation of one's own, of four companions."""
-    with pytest.MonkeyPatch.context() as patch:
-        made = registry._filters
-        patch.setattr(registry, "_filters", {name: made[name] for name in FILTERS})
-        patch.setattr(registry, "_formations", dict(registry._formations))
-        slots = [(math.radians(angle), 300.0) for angle in (45, 135, 225, 315)]
-        registry.register_formation("mine", slots)
-        yield table1(runs=RUNS, seed=1, rho=0.25)
+    registry = registry_of(*FILTERS)
+    slots = [(math.radians(angle), 300.0) for angle in (45, 135, 225, 315)]
+    registry.register_formation("mine", slots)
+    return run_table1(registry, runs=RUNS, seed=1, rho=0.25)
 
 
 # --- What is flown ---------------------------------------------------------------------
@@ -87,9 +85,9 @@ def test_the_indices_of_information_are_their_formulas(formation: str, table: Ta
 
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(UsageError, match="at least 2 runs, not 1"):
-        table1(runs=1)
+        run_table1(Registry(), runs=1)
     with pytest.raises(EstimationError, match="rho must be"):
-        table1(rho=1.0)
+        run_table1(registry_of(), rho=1.0)
 
 
 # --- Eq. (36) --------------------------------------------------------------------------
@@ -144,7 +142,7 @@ def test_eq_36_by_hand() -> None:
 
 
 def test_the_summary_says_what_the_tallies_say(table: Table1, tmp_path: Path) -> None:
-    write(table, tmp_path)
+    write_table1(table, tmp_path)
     summary = json.loads((tmp_path / "table1.json").read_text())
     assert (summary["runs"], summary["seed"], summary["rho"]) == (RUNS, 1, 0.25)
     assert [(row["formation"], row["filter"]) for row in summary["rows"]] == [
@@ -173,7 +171,7 @@ def test_the_summary_says_what_the_tallies_say(table: Table1, tmp_path: Path) ->
 
 def test_the_csv_has_every_epoch_of_every_curve(table: Table1, tmp_path: Path) -> None:
     """To six digits, so it agrees with the tallies as well as it is written."""
-    write(table, tmp_path)
+    write_table1(table, tmp_path)
     with (tmp_path / "table1.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     K = 801
@@ -222,7 +220,7 @@ def drawn(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", noted)
-        yield figures.write_table1(table, out), saved
+        yield plots.draw_table1(table, out), saved
 
 
 def test_nine_pictures_are_drawn(drawn: tuple[list[Path], list[Figure]]) -> None:

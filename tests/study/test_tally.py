@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.study.tally import (
-    CHI2_95,
     NORMAL_95,
     BoundTally,
     Tally,
@@ -20,6 +18,7 @@ from swarmctl.study.tally import (
     root_ratio,
     share,
 )
+from swarmctl.units import CHI2_95_2DOF, Array
 
 RISK = 1e-4
 """Probability that correct code misses a statistical bound."""
@@ -186,7 +185,7 @@ def test_the_95_percent_intervals_cover_in_95_percent_of_repetitions() -> None:
 
 def test_the_quantiles_are_those_of_the_distributions() -> None:
     assert pytest.approx(stats.norm.ppf(0.975), abs=1e-6) == NORMAL_95
-    assert pytest.approx(stats.chi2.ppf(0.95, 2), abs=1e-6) == CHI2_95
+    assert pytest.approx(stats.chi2.ppf(0.95, 2), abs=1e-6) == CHI2_95_2DOF
 
 
 def test_bounds_are_averaged_as_variances() -> None:

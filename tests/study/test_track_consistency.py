@@ -18,16 +18,14 @@ from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.estimation.bounds.pcrb import pcrb
 from swarmctl.estimation.model.motion import ConstantVelocity
-from swarmctl.study import registry
-from swarmctl.study import track_cases as tracker_cases
-from swarmctl.study import track_consistency as study
+from swarmctl.study import track_cases, track_consistency
 from swarmctl.study.engagement import Engagement, Turn, fly
 from swarmctl.study.executors import executing
-from swarmctl.study.jsonable import dumps
+from swarmctl.study.registry import PERPENDICULAR, Registry, standard_registry
 from swarmctl.study.tally import BoundTally, Figure
 from swarmctl.study.track_cases import CASES, Case, Target
-from swarmctl.study.track_consistency import Instant, Measure, Row, tracker
-from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Flown, Tracked, fly_chunk
+from swarmctl.study.track_consistency import Instant, Measure, Row, run_track_consistency
+from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, Flown, Tracked, fly_chunk
 
 RUNS = 12
 PROBABILITY = 0.999
@@ -44,23 +42,16 @@ MEASURED = (
 )
 
 
-@pytest.fixture
-def alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No filters beside the tracker."""
-    monkeypatch.setattr(registry, "_filters", {})
-
-
 def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> Row:
     """The tracker's row of a case at 10 Hz."""
-    monkeypatch.setattr(study, "CASES", {name: replace(CASES[name], period_s=0.1)})
-    return tracker(runs=RUNS, seed=1, cases=(name,))[0]
+    monkeypatch.setattr(track_consistency, "CASES", {name: replace(CASES[name], period_s=0.1)})
+    return run_track_consistency(Registry(), runs=RUNS, seed=1, cases=(name,))[0]
 
 
 # --- Accuracy ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", MEASURED)
-@pytest.mark.usefixtures("alone")
 def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     row, case = fewer(name, monkeypatch), CASES[name]
     assert (row.filter, row.runs, row.lost) == (JUDGED, RUNS, 0)
@@ -83,7 +74,6 @@ def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("turn", [None, Turn(3.0, math.pi / 2.0, 1.0)], ids=["straight", "turning"])
-@pytest.mark.usefixtures("alone")
 def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
     turn: Turn | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,8 +82,8 @@ def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
     Of an emitter that turns too, whose straight trajectories do not fit for a while.
     """
     case = replace(CASES["line-hovering"], turn=turn)
-    monkeypatch.setattr(study, "CASES", {"line-hovering": case})
-    row = tracker(runs=8, cases=("line-hovering",))[0]
+    monkeypatch.setattr(track_consistency, "CASES", {"line-hovering": case})
+    row = run_track_consistency(Registry(), runs=8, cases=("line-hovering",))[0]
     assert row.shortfalls == ()
     measures = {measure.name: measure for measure in row.measures}
     assert measures["silently wrong"].greatest == measures["silently wrong"].figure.value == 0.0
@@ -101,7 +91,6 @@ def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
         assert measures[f"share resolved at {time_s:g} s"].figure.value == 0.0
 
 
-@pytest.mark.usefixtures("alone")
 def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -110,8 +99,8 @@ def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     Taken for geometry the positions' noise resolved 14 of 20 in 8 s, and 13 of 20 wrongly.
     """
     case = replace(CASES["line"], speed_mps=15.0, times_s=(12.0, 45.0))
-    monkeypatch.setattr(study, "CASES", {"line": case})
-    row = tracker(runs=8, cases=("line",))[0]
+    monkeypatch.setattr(track_consistency, "CASES", {"line": case})
+    row = run_track_consistency(Registry(), runs=8, cases=("line",))[0]
     measures = {measure.name: measure.figure.value for measure in row.measures}
     assert measures["silently wrong"] == 0.0
     assert measures["share resolved at 12 s"] == 0.0
@@ -119,14 +108,13 @@ def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
 
 
 @pytest.mark.parametrize("name", ["stop-slow", "turn-left-slow"])
-@pytest.mark.usefixtures("alone")
 def test_an_emitter_that_manoeuvres_is_followed(name: str) -> None:
     """Five seconds later and on: twice the bound of an emitter that never does. At 10 Hz.
 
     The track is still wide then: its window must not take back what was found of the manoeuvre.
     """
     runs = 12
-    row = tracker(runs=runs, cases=(name,))[0]
+    row = run_track_consistency(Registry(), runs=runs, cases=(name,))[0]
     assert row.lost == 0
     for instant in row.instants[-3:]:
         assert instant.time_s >= 13.0
@@ -139,12 +127,14 @@ def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
 
     Both are at the bound, so the difference of their errors is a fraction of it.
     """
-    names = list(registry._filters)
+    filters = standard_registry().filters((0.0, 0.0))
     clean, echoes = (
-        fly_chunk((replace(CASES["echoes"], period_s=0.1, receivers=receivers), 0, 0, 6))
-        for receivers in (tracker_cases.WHITE, CASES["echoes"].receivers)
+        fly_chunk(
+            Chunk(replace(CASES["echoes"], period_s=0.1, receivers=receivers), filters, 0, 0, 6)
+        )
+        for receivers in (track_cases.WHITE, CASES["echoes"].receivers)
     )
-    assert list(clean.tallies) == names
+    assert list(clean.tallies) == list(filters)
     assert list(clean.tracked) == [JUDGED, WITHOUT_ECHOES]
     ours, theirs = clean.tracked[JUDGED].error, clean.tallies["iterated EKF"]
     np.testing.assert_allclose(
@@ -160,26 +150,30 @@ def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
 
 
 def test_the_result_does_not_depend_on_who_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(study, "CHUNK", 2)
+    monkeypatch.setattr(track_consistency, "CHUNK", 2)
     monkeypatch.setattr(
-        study, "CASES", {name: replace(CASES[name], period_s=0.5) for name in ("silence", "clocks")}
+        track_consistency,
+        "CASES",
+        {name: replace(CASES[name], period_s=0.5) for name in ("silence", "clocks")},
     )
+    registry = standard_registry()
     cases, progress = ("silence", "clocks"), []
-    here = tracker(runs=5, cases=cases, on_progress=lambda *done: progress.append(done))
+    here = run_track_consistency(
+        registry, runs=5, cases=cases, on_progress=lambda *done: progress.append(done)
+    )
     assert progress == [(2, 10), (4, 10), (5, 10), (7, 10), (9, 10), (10, 10)]
     with executing(2) as pool:
-        away = tracker(runs=5, cases=cases, executor=pool)
-    assert dumps(here) == dumps(away)
+        away = run_track_consistency(registry, runs=5, cases=cases, executor=pool)
+    assert repr(here) == repr(away)
     assert list(dict.fromkeys(row.case for row in here)) == list(cases)
 
 
-@pytest.mark.usefixtures("alone")
 def test_in_white_noise_the_bound_is_the_constant_velocity_bound() -> None:
     """Of a case with echoes too: the bound is of receivers without them."""
     case = replace(CASES["echoes"], period_s=0.1)
-    bound = fly_chunk((case, 0, 0, 2)).bound
+    bound = fly_chunk(Chunk(case, {}, 0, 0, 2)).bound
     scene = Engagement(period_s=0.1, rho=0.5)
-    moments = list(fly(scene, registry.formations()["perpendicular"], scene.emitter))
+    moments = list(fly(scene, np.array(PERPENDICULAR), scene.emitter))
     history = pcrb(
         np.diag(np.array([100.0, 100.0, 30.0, 30.0]) / 3.0) ** 2,
         ConstantVelocity((0.0, 0.0)),
@@ -197,11 +191,11 @@ def test_in_white_noise_the_bound_is_the_constant_velocity_bound() -> None:
 
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(UsageError, match="There is no case 'easy'; there are tracker-range-ign"):
-        tracker(runs=2, cases=("easy",))
+        run_track_consistency(Registry(), runs=2, cases=("easy",))
     with pytest.raises(UsageError, match="at least 2 runs, not 1"):
-        tracker(runs=1)
+        run_track_consistency(Registry(), runs=1)
     with pytest.raises(UsageError, match="0 or more, not -1"):
-        tracker(runs=2, seed=-1)
+        run_track_consistency(Registry(), runs=2, seed=-1)
 
 
 # --- Targets -------------------------------------------------------------------------------
@@ -233,7 +227,7 @@ def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0
     case = Case(
         "fabricated",
         CASES["clocks"].start,
-        tracker_cases.WHITE,
+        track_cases.WHITE,
         0.1,
         (Target((12.0,), 1.1, (1.5, 2.4)),),
         times_s=(4.0, 12.0),
@@ -244,7 +238,7 @@ def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0
     if echoes_m is not None:
         flown[WITHOUT_ECHOES] = tracked(error_m)
     bound = BoundTally(1, np.ones((times, 4)))
-    return study._rows("made", case, [Flown(flown, {}, bound)])[0]
+    return track_consistency._rows("made", case, [Flown(flown, {}, bound)])[0]
 
 
 def test_what_is_met_is_no_shortfall() -> None:
@@ -288,7 +282,7 @@ def test_a_target_is_met_when_the_interval_reaches_it() -> None:
 
     def missed(ratio: Figure, nees: Figure, measure: Figure) -> int:
         instant = Instant(12.0, 1.0, 1.0, ratio, nees, 0.95)
-        return len(study._shortfalls(case, [instant], 0, [Measure("it", measure, 1.3)]))
+        return len(track_consistency._shortfalls(case, [instant], 0, [Measure("it", measure, 1.3)]))
 
     right, two = Figure(1.0, 0.9, 1.1), Figure(2.0, 1.9, 2.1)
     assert missed(right, two, right) == 0

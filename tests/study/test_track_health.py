@@ -9,12 +9,12 @@ import pytest
 from scipy import stats
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.arguments import Array
-from swarmctl.study import track_health as study
+from swarmctl.study import track_health
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.receivers import Receivers
-from swarmctl.study.registry import formations
-from swarmctl.study.track_health import FAULTS, FROM_S, GOOD, WITHIN_S, health
+from swarmctl.study.registry import PERPENDICULAR
+from swarmctl.study.track_health import FAULTS, FROM_S, GOOD, WITHIN_S, run_track_health
+from swarmctl.units import Array
 
 RUNS = 5
 RISK = 1e-4
@@ -23,7 +23,7 @@ RISK = 1e-4
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_wrong_model_is_named_and_a_right_one_is_not(fault: str) -> None:
-    row = health(runs=RUNS, seed=1, faults=(fault,))[0]
+    row = run_track_health(runs=RUNS, seed=1, faults=(fault,))[0]
     assert (row.runs, row.false_alarms.value, row.shortfalls) == (RUNS, 0.0, ())
     if fault == GOOD:
         assert (row.named, row.causes) == (None, {})
@@ -41,14 +41,14 @@ def test_a_wrong_model_is_named_and_a_right_one_is_not(fault: str) -> None:
 
 def spoiled(fault: str, runs: int = 2) -> tuple[Array, Array]:
     """Changes of positions (K, runs, 4, 2) and RDs (K, runs, 3) by K epochs of a fault."""
-    spoil = study._Fault(fault, np.random.default_rng(1)).spoil
+    spoil = track_health._Fault(fault, np.random.default_rng(1)).spoil
     positions, rd = [], []
-    scene = Engagement(period_s=study.PERIOD_S, duration_s=2.0)
-    for k, moment in enumerate(fly(scene, formations()["perpendicular"], scene.emitter)):
+    scene = Engagement(period_s=track_health.PERIOD_S, duration_s=2.0)
+    for k, moment in enumerate(fly(scene, np.array(PERPENDICULAR), scene.emitter)):
         at = np.concatenate([moment.reference[None], moment.companions])
         at = np.broadcast_to(at, (runs, 4, 2))
         good = np.broadcast_to([100.0 + k, 10.0, -50.0], (runs, 3))
-        other_at, other = spoil(k * study.PERIOD_S, at, good)
+        other_at, other = spoil(k * track_health.PERIOD_S, at, good)
         positions.append(other_at - at)
         rd.append(other - good)
     return np.stack(positions), np.stack(rd)
@@ -96,35 +96,35 @@ def test_a_fault_of_noise_has_the_size_and_the_colour_it_is_called_by(
 # --- Rows ------------------------------------------------------------------------------------
 
 
-def said(after_s: float, cause: str | None = "noise", false_alarms: int = 0) -> study._Said:
-    return study._Said(false_alarms, after_s, cause)
+def said(after_s: float, cause: str | None = "noise", false_alarms: int = 0) -> track_health._Said:
+    return track_health._Said(false_alarms, after_s, cause)
 
 
 def test_what_is_said_too_late_or_never_is_a_shortfall() -> None:
-    row = study._row(
+    row = track_health._row(
         "noise doubled", [said(1.0), said(5.0), said(5.1, "rejected"), said(math.nan, None)]
     )
     assert row.named is not None
     assert row.named.value == 0.5
     assert (row.latest_s, row.causes) == (5.1, {"noise": 2, "rejected": 1})
     assert row.shortfalls == ("noise doubled: named within 5 s in 50.0% of the runs, not in all",)
-    never = study._row("noise doubled", [said(math.nan, None)])
+    never = track_health._row("noise doubled", [said(math.nan, None)])
     assert math.isnan(never.latest_s)
 
 
 def test_false_alarms_are_counted_by_the_hour() -> None:
     """Of a feed that goes wrong, only what was said before; 300 runs of 12 s are an hour."""
     well = [said(math.nan, None)] * 294
-    row = study._row(GOOD, [*well, *[said(math.nan, None, 1)] * 6])
+    row = track_health._row(GOOD, [*well, *[said(math.nan, None, 1)] * 6])
     assert (row.false_alarms.value, row.hours) == (6.0, 1.0)
     low, high = stats.chi2.ppf([0.025, 0.975], [12, 14]) / 2.0
     assert row.false_alarms == pytest.approx((6.0, low, high))
     assert row.shortfalls == (f"none: at least {low:.2f} false alarms an hour, above 1",)
-    before = study._row("noise doubled", [said(1.0, "noise", 1)])
+    before = track_health._row("noise doubled", [said(1.0, "noise", 1)])
     assert before.hours == FROM_S / 3600.0
     assert len(before.shortfalls) == 1
 
 
 def test_a_study_of_no_runs_is_refused() -> None:
     with pytest.raises(UsageError, match="at least 1 run, not 0"):
-        health(runs=0)
+        run_track_health(runs=0)

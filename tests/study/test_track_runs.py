@@ -16,10 +16,9 @@ from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
 from swarmctl.estimation.track.modes import Estimate
-from swarmctl.study import registry
-from swarmctl.study import track_runs as tracking
+from swarmctl.study import track_runs
 from swarmctl.study.track_cases import CASES, Case, Gap
-from swarmctl.study.track_runs import JUDGED, Tracked, fly_chunk
+from swarmctl.study.track_runs import JUDGED, Chunk, Tracked, fly_chunk
 
 CASE = replace(
     CASES["clocks"], period_s=0.1, times_s=(0.2, 0.4, 12.0), gap=Gap(0.25, 0.55, 0), targets=()
@@ -81,13 +80,12 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> type[Scripted]:
         made: ClassVar[list[Scripted]] = []
         statuses: Sequence[Status] = ("tracking",)
 
-    monkeypatch.setattr(tracking, "Estimator", Mine)
-    monkeypatch.setattr(registry, "_filters", {})
+    monkeypatch.setattr(track_runs, "Estimator", Mine)
     return Mine
 
 
 def flown(case: Case = CASE) -> Tracked:
-    return fly_chunk((case, 0, 0, 2)).tracked[JUDGED]
+    return fly_chunk(Chunk(case, {}, 0, 0, 2)).tracked[JUDGED]
 
 
 def test_an_estimate_is_judged_at_its_time_also_in_a_silence(scripted: type[Scripted]) -> None:

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_finite
+from swarmctl.estimation.arguments import as_finite
 from swarmctl.estimation.kernels.augmented import Rows, linearise
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
+from swarmctl.units import Array
 
 
 class AugmentedBound:

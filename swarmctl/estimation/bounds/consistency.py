@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_finite
+from swarmctl.estimation.arguments import as_finite
+from swarmctl.units import Array
 
 
 def nees(error: ArrayLike, covariance: ArrayLike) -> Array:

@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_finite, as_not_negative
+from swarmctl.estimation.arguments import as_finite, as_not_negative
 from swarmctl.estimation.model.motion import Motion
 from swarmctl.estimation.model.range_difference import effective_covariance, jacobian
+from swarmctl.units import Array
 
 
 class CramerRaoBound:

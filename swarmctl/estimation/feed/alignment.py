@@ -16,9 +16,7 @@ from bisect import bisect_left
 from collections.abc import Collection
 
 from swarmctl.errors import EstimationError
-
-Vector = tuple[float, float, float]
-"""East, north, up."""
+from swarmctl.units import Vector
 
 
 class PositionHistory:

@@ -14,22 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_finite, as_not_negative
-from swarmctl.estimation.feed.alignment import SwarmPositions, Vector
-from swarmctl.estimation.feed.pairing import (
-    SPEED_OF_LIGHT_MPS,
-    Arrival,
-    Burst,
-    Measurement,
-    Pairing,
-    differences,
-)
+from swarmctl.estimation.arguments import as_finite, as_not_negative
+from swarmctl.estimation.feed.alignment import SwarmPositions
+from swarmctl.estimation.feed.pairing import Arrival, Burst, Measurement, Pairing, differences
 from swarmctl.estimation.integrity.health import Verdict
 from swarmctl.estimation.kernels.augmented import star
 from swarmctl.estimation.model import motion
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.track.protocol import Track
+from swarmctl.units import SPEED_OF_LIGHT_MPS, Array, Vector
 
 _ABSURD = 1e6
 """No UAV, range difference or sigma of this system reaches a thousand kilometres (nor a

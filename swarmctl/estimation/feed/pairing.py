@@ -21,8 +21,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-SPEED_OF_LIGHT_MPS = 299_792_458.0
-"""Exact, by the definition of the metre."""
+from swarmctl.units import SPEED_OF_LIGHT_MPS
+
 MAX_SPREAD_S = 50e3 / SPEED_OF_LIGHT_MPS
 """No two UAVs of a swarm are 50 km apart, so no burst's arrivals are further apart in time."""
 _REMEMBERED = 512

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.units import Array, Mask
 
 GATE = 4.0
 """Sigmas beyond which an arrival is set aside: 6e-5 by chance."""

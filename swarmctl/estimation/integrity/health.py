@@ -38,7 +38,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 Status = Literal["initialising", "tracking", "degraded", "diverged"]
 """What a track is worth."""

@@ -25,8 +25,8 @@ from collections import deque
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.units import Array, Mask
 
 _SAME_M = 1e-6
 """Values this near to each other are the same: far below any noise, far above rounding."""

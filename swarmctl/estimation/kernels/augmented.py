@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.model.receiver_errors import Layout
+from swarmctl.units import Array, Mask
 
 _NEAREST_M = 1e-9
 """Added to ranges, m: a receiver at the very estimate has a line of sight."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.model.range_difference import jacobian, range_differences
+from swarmctl.units import Array, Mask
 
 _SETTLED = 1e-3
 """A trial's iteration ends once a step is below this many prior sigmas in every state."""

@@ -62,8 +62,9 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.model.range_difference import effective_covariance
+from swarmctl.units import Array, Mask
 
 _FLOOR = 0.5
 """Least eigenvalue of G an update may have: in no direction does it leave more than twice the

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 
 def transition(dt: float, axes: int, order: int = 2) -> Array:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 _BEARINGS = 24
 _GROWTH = 1.5

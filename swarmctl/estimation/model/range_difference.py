@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 
 def range_differences(emitter: Array, reference: Array, companions: Array) -> Array:

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.integrity.gate import GATE, consensus
 from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior, starts
 from swarmctl.estimation.track.window import Fit, Window
+from swarmctl.units import Array, Mask
 
 _COLLECT_S = 0.5
 _COLLECT_EPOCHS = 10

@@ -34,8 +34,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.units import Array, Mask
 
 _ALLOWED = 3.0
 """Sigmas by which the noise of positions alone may exceed its mean, and still tell nothing."""

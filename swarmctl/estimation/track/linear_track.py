@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_covariance, as_finite
+from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.integrity.gate import Screened, screen, tells_echoes
 from swarmctl.estimation.integrity.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.integrity.repetition import Repetition
@@ -23,6 +23,7 @@ from swarmctl.estimation.model import motion
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.modes import Estimate, Limits
+from swarmctl.units import Array
 
 _WHITE = ReceiverErrors()
 

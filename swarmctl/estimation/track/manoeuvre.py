@@ -15,7 +15,7 @@ as in a tree of hypotheses: a manoeuvre that began, ended and convinced nobody. 
 sets in at once does no harm: by then the quiet model has been refuted, and counts for no more
 than what it is given.
 
-Measured (``swarmctl study consistency --tracker --runs 500``) in Table 1's geometry at 50 Hz: in
+Measured (``swarmctl study track --runs 500``) in Table 1's geometry at 50 Hz: in
 quiet flight the RMSE at 12 s is that of the NCRKF, which knows of no manoeuvres, and the NEES 16 %
 below its. At 8 s turns by 90° to either side, or a stop, from 20 m/s: a second later the mean NEES
 is 6 at most, and five seconds later the error 1.3 x the bound of the constant-velocity model. In
@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
+from swarmctl.units import Array
 
 BELIEVED = 0.99
 """Probability from which a manoeuvre is taken for a fact: chance alone brings it above one half now

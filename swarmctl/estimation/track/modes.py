@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.kernels import augmented
 from swarmctl.estimation.kernels.augmented import Innovation, Rows
 from swarmctl.estimation.model.receiver_errors import Layout, ReceiverErrors, predict
 from swarmctl.estimation.track.contrast import Contrast, nothing
 from swarmctl.estimation.track.manoeuvre import Manoeuvre, matched
+from swarmctl.units import Array, Mask
 
 _IMPROBABLE = 1e-4
 """Share of the best mode's probability below which a mode is forgotten."""

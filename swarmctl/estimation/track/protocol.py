@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.integrity.health import Verdict
 from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.track.modes import Estimate, Limits
+from swarmctl.units import Array
 
 
 class Track(Protocol):

@@ -39,7 +39,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, as_covariance, as_finite
+from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.integrity.gate import GATE, screen, tells_echoes
 from swarmctl.estimation.integrity.health import ALARM, Health, Ids, Pairs, Verdict
 from swarmctl.estimation.integrity.repetition import Repetition
@@ -51,6 +51,7 @@ from swarmctl.estimation.track.contrast import Contrast, of_epoch
 from swarmctl.estimation.track.manoeuvre import BELIEVED, Manoeuvre, matched
 from swarmctl.estimation.track.modes import Estimate, Limits, Mixture, Model, is_probable
 from swarmctl.estimation.track.window import Fit, Pull, Window
+from swarmctl.units import Array
 
 _MODES = 4
 """Modes carried at most."""

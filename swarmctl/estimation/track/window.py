@@ -29,12 +29,13 @@ import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array, Mask, as_covariance, as_finite
+from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.model.motion import transition
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
 from swarmctl.estimation.track.contrast import Contrast, between
 from swarmctl.estimation.track.window_blocks import NormalPoints, Table
 from swarmctl.estimation.track.window_covariance import RowCovariance, by_receiver, walk
+from swarmctl.units import Array, Mask
 
 _REACH = 0.5
 """A step moves the emitter by at most this share of its distance to the nearest receiver."""

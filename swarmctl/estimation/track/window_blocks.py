@@ -14,8 +14,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.estimation.arguments import Array, Mask
 from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.units import Array, Mask
 
 _SHARE = 0.01
 """A block lasts at least this share of the time since the first: an old track changes slowly."""

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.window_blocks import Table
+from swarmctl.units import Array
 
 
 class RowCovariance:

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import assert_never
 
-from swarmctl.events import Command, Mode, SetMode, TakeOff
+from swarmctl.commands import Command, SetMode, TakeOff
+from swarmctl.events import Mode
 from swarmctl.link.autopilots.common import (
     CUSTOM_MODE_ENABLED,
     common_request,

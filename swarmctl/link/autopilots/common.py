@@ -5,16 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from swarmctl.events import (
-    Arm,
-    Command,
-    Disarm,
-    Heartbeat,
-    LandedState,
-    RequestHome,
-    RequestVersion,
-    StreamTelemetry,
-)
+from swarmctl.commands import Arm, Command, Disarm, RequestHome, RequestVersion, StreamTelemetry
+from swarmctl.events import Heartbeat, LandedState
 from swarmctl.link.codec.messages import CommandLong, DataStream, MavCmd, MessageId
 from swarmctl.link.command_protocol import Request, State
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from swarmctl.events import Command, Mode
+from swarmctl.commands import Command
+from swarmctl.events import Mode
 from swarmctl.link.autopilots import ardupilot, px4
 from swarmctl.link.codec.messages import Spelling
 from swarmctl.link.command_protocol import Request

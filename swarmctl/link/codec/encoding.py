@@ -12,7 +12,7 @@ from typing import Any, assert_never
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import GoTo, UploadFence
+from swarmctl.commands import GoTo, UploadFence
 from swarmctl.link.codec.messages import (
     AUTOPILOT_COMPONENT,
     AskForItem,

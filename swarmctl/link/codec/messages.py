@@ -10,18 +10,18 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
+from swarmctl.commands import UploadFence
 from swarmctl.events import (
     GpsFix,
     HomePosition,
     LandedState,
     StatusText,
-    UploadFence,
-    Vector,
     VehicleAttitude,
     VehicleClock,
     VehicleStatus,
     VehicleVersion,
 )
+from swarmctl.units import Vector
 
 AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from swarmctl.events import Command, ParameterValue, ReadParameter, WriteParameter
-from swarmctl.frames import Vector
+from swarmctl.commands import Command, ReadParameter, WriteParameter
+from swarmctl.events import ParameterValue
 from swarmctl.mission.failsafes.judge import (
     Craft,
     Unsafe,
@@ -18,6 +18,7 @@ from swarmctl.mission.failsafes.judge import (
 from swarmctl.mission.failsafes.rules import Demands, Weight
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.mission_file import Mission
+from swarmctl.units import Vector
 
 ASK_AGAIN_S = 6.0
 """What is not known or not set this long after it was asked for is asked for again."""

@@ -8,7 +8,8 @@ from itertools import pairwise
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.feed.alignment import PositionHistory, Vector
+from swarmctl.estimation.feed.alignment import PositionHistory
+from swarmctl.units import Vector
 
 
 def circle(epoch_s: float) -> tuple[Vector, Vector]:

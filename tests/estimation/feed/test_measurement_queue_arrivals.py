@@ -9,7 +9,7 @@ import pytest
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.feed.measurement_queue import Tracker
-from swarmctl.estimation.feed.pairing import SPEED_OF_LIGHT_MPS
+from swarmctl.units import SPEED_OF_LIGHT_MPS
 from tests.estimation.feed.test_measurement_queue import (
     DRIFT,
     EMITTER,

@@ -7,15 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from swarmctl.estimation.feed.pairing import (
-    MAX_SPREAD_S,
-    SPEED_OF_LIGHT_MPS,
-    Arrival,
-    Burst,
-    Pairing,
-    differences,
-)
+from swarmctl.estimation.feed.pairing import MAX_SPREAD_S, Arrival, Burst, Pairing, differences
 from swarmctl.estimation.model.range_difference import rd_covariance
+from swarmctl.units import SPEED_OF_LIGHT_MPS
 
 C = SPEED_OF_LIGHT_MPS
 UTC_S = 1_790_000_000

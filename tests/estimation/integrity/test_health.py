@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.integrity.health import Health, Verdict, sentence
+from swarmctl.units import Array
 
 PAIRS = ((0, 1), (0, 2), (0, 3))
 HZ = 10.0

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.integrity.health import ALARM
 from swarmctl.estimation.integrity.repetition import Repetition
 from swarmctl.estimation.kernels.augmented import Rows, star
+from swarmctl.units import Array
 
 HZ = 10.0
 N = 3

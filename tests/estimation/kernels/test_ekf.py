@@ -9,7 +9,6 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels import ekf
 from swarmctl.estimation.model.motion import ConstantAcceleration
 from swarmctl.estimation.model.range_difference import (
@@ -18,6 +17,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
+from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
 C = effective_covariance(rd_covariance([1.0, 2.0, 1.5, 1.0], 0.4), 0.5)

@@ -11,9 +11,9 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.consistency import mean_bounds, nees
 from swarmctl.estimation.model.range_difference import rd_covariance
+from swarmctl.units import Array
 from tests.estimation.scenarios import Engagement, Record, fly, search_flight
 
 PROBABILITY = 0.999

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.track.contrast import Contrast, nothing, of_epoch
+from swarmctl.units import Array
 
 LINE = np.array([[0.0, 300.0], [0.0, 150.0], [0.0, 0.0], [0.0, -150.0], [0.0, -300.0]])
 """Where receivers 0 to 4 are; a mode's mirror image is at the opposite x."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels import ncrkf
 from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model import motion
@@ -16,6 +15,7 @@ from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.track.linear_track import LinearTrack
 from swarmctl.estimation.track.modes import Limits
+from swarmctl.units import Array
 
 PSD = (4e-4, 4e-4, 0.0)
 PRIOR = Prior(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.track.manoeuvre import BELIEVED, Manoeuvre, matched
+from swarmctl.units import Array
 
 CAR = Manoeuvre(speed_mps=20.0, every_s=60.0, lasts_s=1.0)
 

@@ -10,7 +10,6 @@ import pytest
 from scipy.stats import chi2
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.estimation.kernels.augmented import Rows, star
@@ -20,6 +19,7 @@ from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
 from swarmctl.estimation.track.track import Estimator
 from swarmctl.estimation.track.window import Fit, Pull, Window
+from swarmctl.units import Array
 from tests.estimation.receivers import PERIOD_S, REAL, WHITE, flight
 
 RUNS = 16

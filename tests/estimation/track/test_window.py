@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import Rows, star, update
 from swarmctl.estimation.model.motion import transition
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
 from swarmctl.estimation.track.window import Pull, Window
+from swarmctl.units import Array
 from tests.estimation.receivers import REAL, WHITE, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)

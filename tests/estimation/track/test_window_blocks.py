@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from swarmctl.estimation.arguments import Array
 from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.track.window_blocks import NormalPoints
+from swarmctl.units import Array
 
 EMITTER = np.array([0.0, 0.0, 12.0, 5.0])
 SLOTS = np.array([[0.0, 0.0], [300.0, 0.0], [0.0, 300.0], [-300.0, 0.0]])

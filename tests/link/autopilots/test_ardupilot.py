@@ -5,14 +5,11 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import (
+from swarmctl.commands import (
     Arm,
     Command,
     Disarm,
     GoTo,
-    Heartbeat,
-    LandedState,
-    Mode,
     ReadParameter,
     RequestHome,
     RequestVersion,
@@ -22,6 +19,7 @@ from swarmctl.events import (
     UploadFence,
     WriteParameter,
 )
+from swarmctl.events import Heartbeat, LandedState, Mode
 from swarmctl.link.autopilots import ardupilot
 from swarmctl.link.command_protocol import Request, State
 from tests.recorder.samples import record_types

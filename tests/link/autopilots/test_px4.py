@@ -6,12 +6,10 @@ import math
 
 import pytest
 
-from swarmctl.events import (
+from swarmctl.commands import (
     Arm,
     Command,
     GoTo,
-    Heartbeat,
-    Mode,
     ReadParameter,
     SetMode,
     StreamTelemetry,
@@ -19,6 +17,7 @@ from swarmctl.events import (
     UploadFence,
     WriteParameter,
 )
+from swarmctl.events import Heartbeat, Mode
 from swarmctl.link.autopilots import px4
 from swarmctl.link.command_protocol import Request
 from tests.recorder.samples import record_types

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.events import GoTo
+from swarmctl.commands import GoTo
 from swarmctl.link.codec.encoding import Encoder
 from swarmctl.link.codec.messages import CommandLong, MavCmd
 from tests.link.wire import unpack

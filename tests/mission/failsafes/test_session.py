@@ -6,15 +6,9 @@ import itertools
 
 import pytest
 
-from swarmctl.events import (
-    Arm,
-    MissionEnded,
-    Notice,
-    OperatorRequest,
-    ParameterValue,
-    ReadParameter,
-    WriteParameter,
-)
+from swarmctl.commands import Arm, ReadParameter, WriteParameter
+from swarmctl.decisions import MissionEnded, Notice
+from swarmctl.events import OperatorRequest, ParameterValue
 from swarmctl.mission.failsafes.session import Settings
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE, Flight

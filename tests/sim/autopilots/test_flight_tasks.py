@@ -16,7 +16,7 @@ from sim.autopilots.flight_tasks import (
     TakeOff,
     sink,
 )
-from swarmctl.frames import Vector
+from swarmctl.units import Vector
 
 HOME = (1.0, 2.0, 3.0)
 
