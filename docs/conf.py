@@ -48,6 +48,10 @@ suppress_warnings = ["ref.python"]  # two classes of one name
 toc_object_entries = False  # two thousand of them
 
 
+TOP = {"index": "README.md", "contributing": "CONTRIBUTING.md", "changelog": "CHANGELOG.md"}
+"""Pages that stand at the top of the repository, by their names on the site."""
+
+
 class LinksToSources(SphinxTransform):
     """Turns links to files outside docs/ into links to the pages that ``source_pages`` makes."""
 
@@ -163,11 +167,13 @@ def skip_field(
     return True if type(obj).__name__ == "_tuplegetter" else None
 
 
-def front_page(_app: Sphinx, page: str, text: list[str]) -> None:
-    """Puts the README, with its links as seen from docs/, before the contents of the site."""
-    if page == "index":
-        readme = re.sub(r"\]\((?!https?:|docs/)", "](../", (ROOT / "README.md").read_text())
-        text[0] = readme.replace("](docs/", "](") + text[0]
+def top_page(_app: Sphinx, page: str, text: list[str]) -> None:
+    """Puts the text of a page at the top, with its links as seen from docs/, before the page's."""
+    if page in TOP:
+        top = (ROOT / TOP[page]).read_text()
+        for name, file in TOP.items():
+            top = top.replace(f"]({file})", f"](docs/{name}.md)")
+        text[0] = re.sub(r"\]\((?!https?:|docs/)", "](../", top).replace("](docs/", "](") + text[0]
 
 
 def setup(app: Sphinx) -> None:
@@ -177,6 +183,6 @@ def setup(app: Sphinx) -> None:
     app.add_directive("public-names", PublicNames)
     app.add_lexer("mermaid", TextLexer)
     app.connect("autodoc-skip-member", skip_field)
-    app.connect("source-read", front_page)
+    app.connect("source-read", top_page)
     app.connect("html-collect-pages", source_pages)
     app.connect("autodoc-process-docstring", plain_text, priority=400)  # before napoleon
