@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from sim.faults import Faults
 from swarmctl.units import Vector
 
 Publication = Literal["range_differences", "arrival_times"]
@@ -61,7 +62,7 @@ class VehicleConfig:
         launch_lon_rad: Launch point longitude, rad.
         launch_alt_amsl_m: Ground level at the launch point, m.
         limits: Performance.
-        autopilot: Whose manners it has.
+        autopilot: Whose traits it has.
         parameters: What its owner has set, by name; all others have the autopilot's defaults.
         parameter_names: The ArduPilot release whose parameter names it goes by.
         knows_intervals: Whether SET_MESSAGE_INTERVAL and REQUEST_MESSAGE are known to it; ArduPilot
@@ -71,11 +72,7 @@ class VehicleConfig:
             for a vehicle that does not sign.
         clock: Errors of its clocks.
         boot_delay_s: Simulation time at which it powers up.
-        silent: Fault: never says a word.
-        refuses_arming: Fault: denies every request to arm, with a STATUSTEXT; as with checks
-            that run only then, the pre-arm bit of SYS_STATUS does not tell.
-        dies_at_s: Fault: falls silent at this simulation time (link lost); None for never.
-        gps_lost_at_s: Fault: without GPS from this simulation time on; None for never.
+        faults: Its faults.
         charge: Battery charge at the start, 0..1.
     """
 
@@ -92,10 +89,7 @@ class VehicleConfig:
     signing_key: bytes | None = None
     clock: ClockConfig = field(default_factory=ClockConfig)
     boot_delay_s: float = 0.0
-    silent: bool = False
-    refuses_arming: bool = False
-    dies_at_s: float | None = None
-    gps_lost_at_s: float | None = None
+    faults: Faults = field(default_factory=Faults)
     charge: float = 1.0
 
 

@@ -26,7 +26,7 @@ Publication = tuple[str, bytes]
 """Topic and payload."""
 
 
-class Broadcast:
+class FeedPublisher:
     """The emitter, the receivers that hear it, and the messages both come to.
 
     Args:

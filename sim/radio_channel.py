@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 import msgspec
 import numpy as np
 
-from sim.errors import SimError
+from swarmctl.errors import SimulationError
 
 Item = TypeVar("Item")
 
@@ -31,7 +31,7 @@ class Impairments(msgspec.Struct, frozen=True):
     jitter_s: float = 0.0
 
 
-class Channel(Generic[Item]):
+class RadioChannel(Generic[Item]):
     """One direction of a radio channel.
 
     Args:
@@ -43,14 +43,14 @@ class Channel(Generic[Item]):
         delivered: Datagrams handed out, copies included.
 
     Raises:
-        SimError: A probability is none, or a delay is negative.
+        SimulationError: A probability is none, or a delay is negative.
     """
 
     def __init__(self, impairments: Impairments, generator: np.random.Generator) -> None:
         chances = (impairments.loss, impairments.duplication)
         delays = (impairments.delay_s, impairments.jitter_s)
         if not (all(0.0 <= p <= 1.0 for p in chances) and all(d >= 0.0 for d in delays)):
-            raise SimError(
+            raise SimulationError(
                 f"The channel cannot have {impairments}: loss and duplication are probabilities, "
                 "delay and jitter are at least 0 s."
             )

@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 import aiomqtt
 
 from sim.config import SimConfig
-from sim.errors import SimError
 from sim.feed_publisher import Publication
-from sim.sitl_receivers import Listening
+from sim.sitl_receivers import SitlReceivers
 from sim.world import World
+from swarmctl.errors import SimulationError
 
 TURN_S = 0.002
 """Wall time between turns: at a speed-up of 20 a datagram waits at most 40 simulated ms."""
@@ -73,7 +73,7 @@ class Shell:
             )
         except OSError as error:
             host, port = controller
-            raise SimError(
+            raise SimulationError(
                 f"The simulated UAV {sysid} cannot send to the controller at {host}:{port} "
                 f"({error}): name an address of this machine or its network."
             ) from error
@@ -109,7 +109,7 @@ class Shell:
 class _Listener(asyncio.DatagramProtocol):
     """A UDP port on which vehicles that others fly are heard; it never answers."""
 
-    def __init__(self, listening: Listening) -> None:
+    def __init__(self, listening: SitlReceivers) -> None:
         self._listening = listening
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -148,7 +148,7 @@ async def serve(
         stop: Ends the simulation when set.
 
     Raises:
-        SimError: The configuration contradicts itself, a controller's address cannot be
+        SimulationError: The configuration contradicts itself, a controller's address cannot be
             sent to, or the broker cannot be reached or goes away.
     """
     shell = Shell(config, speedup)
@@ -188,9 +188,9 @@ async def serve_receivers(
         stop: Ends the simulation when set.
 
     Raises:
-        SimError: The port cannot be opened, or the broker cannot be reached or goes away.
+        SimulationError: The port cannot be opened, or the broker cannot be reached or goes away.
     """
-    listening = Listening(config, speedup)
+    listening = SitlReceivers(config, speedup)
     loop = asyncio.get_running_loop()
     host, port = here
     try:
@@ -198,7 +198,7 @@ async def serve_receivers(
             lambda: _Listener(listening), local_addr=here
         )
     except OSError as error:
-        raise SimError(
+        raise SimulationError(
             f"The simulator cannot listen on UDP port {port} of {host} ({error.strerror}): stop "
             "whoever does, or name another port with --listen and in run's --forward."
         ) from error
@@ -235,7 +235,7 @@ async def _publish(
                     await client.publish(topic, payload)
                 await asyncio.sleep(TURN_S)
     except aiomqtt.MqttError as error:
-        raise SimError(
+        raise SimulationError(
             f"The simulator has no MQTT broker at {host}:{port} ({error}): "
             "start one there, or name one that runs."
         ) from error

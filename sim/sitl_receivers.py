@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from sim.config import SimConfig
-from sim.feed_publisher import Broadcast, Publication
+from sim.feed_publisher import FeedPublisher, Publication
 from sim.mavlink import AUTOPILOT_COMPONENT, Codec, Message
 from swarmctl.frames import LocalFrame, sped_up_utc_s
 from swarmctl.units import Vector
@@ -147,7 +147,7 @@ class _Track:
         return (x + since_s * vx, y + since_s * vy, z + since_s * vz)
 
 
-class Listening:
+class SitlReceivers:
     """The emitter and the receivers of vehicles that are only heard.
 
     A burst arrives at every whole multiple of the receivers' period in UTC. It is measured once
@@ -169,7 +169,7 @@ class Listening:
         self._ticks_per_burst = math.ceil(1.0 / (config.receivers.rate_hz * TRUTH_PERIOD_S))
         self._tick_hz = config.receivers.rate_hz * self._ticks_per_burst
         self._floor_m = config.receivers.minimum_altitude_m
-        self._broadcast = Broadcast(config, self._frame, 1.0 / self._tick_hz)
+        self._feed = FeedPublisher(config, self._frame, 1.0 / self._tick_hz)
         self._tracks = {vehicle.sysid: _Track(speedup) for vehicle in config.vehicles}
         self._codec = Codec(0)
         self._tick: int | None = None
@@ -246,20 +246,20 @@ class Listening:
         """Measure every burst whose time has come."""
         for tick in self._due():
             epoch_s = tick / self._tick_hz
-            self._broadcast.emitter.advance()
+            self._feed.emitter.advance()
             if tick % self._ticks_per_burst == 0:
                 hearing = {
                     sysid: position
                     for sysid, track in self._tracks.items()
                     if (position := track.hearing_at(epoch_s)) is not None
                 }
-                self._publications += self._broadcast.burst(hearing, epoch_s)
+                self._publications += self._feed.burst(hearing, epoch_s)
             if epoch_s >= self._truth_s + TRUTH_PERIOD_S:
                 self._truth_s = epoch_s
-                self._publications.append(self._broadcast.truth(epoch_s))
+                self._publications.append(self._feed.truth(epoch_s))
             if epoch_s >= self._receivers_truth_s + RECEIVERS_TRUTH_PERIOD_S:
                 self._receivers_truth_s = epoch_s
-                self._publications += self._broadcast.receivers_truth(
+                self._publications += self._feed.receivers_truth(
                     dict.fromkeys(self._tracks, (0.0, 0.0, 0.0)), epoch_s
                 )
 
@@ -269,7 +269,7 @@ class Listening:
         if self._tick is None or abs(first_s - self._tick / self._tick_hz) > _LEAP_S:
             self._tick = math.ceil(first_s * self._tick_hz)
             self._truth_s = self._receivers_truth_s = -math.inf
-            self._broadcast.receivers.start_clocks(self._tick / self._tick_hz)
+            self._feed.receivers.start_clocks(self._tick / self._tick_hz)
         while (epoch_s := self._tick / self._tick_hz) <= first_s:
             if first_s < epoch_s + REACH_S and any(
                 epoch_s - REACH_S < utc_s < epoch_s for utc_s in newest

@@ -5,103 +5,24 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from sim.autopilots import PERSONALITIES
-from sim.autopilots.onboard_state import Fitting
-from sim.clock import Clock
-from sim.config import SimConfig, VehicleConfig
-from sim.dynamics import Command, State, step
+from sim.config import SimConfig
+from sim.dynamics import State
 from sim.emitter import EmitterState
-from sim.errors import SimError
-from sim.feed_publisher import Broadcast, Publication
-from sim.navigation_error import PositionError
-from sim.noise import GaussMarkov, Normals, generator
+from sim.feed_publisher import FeedPublisher, Publication
+from sim.vehicle import Vehicle
+from swarmctl.errors import SimulationError
 from swarmctl.frames import LocalFrame
 from swarmctl.units import Vector
 
 STEP_HZ = 50
-"""Steps a second of everything: physics, autopilots, epochs."""
+"""Steps per second of everything: physics, autopilots, epochs."""
 STEP_S = 1.0 / STEP_HZ
 TRUTH_STEPS = STEP_HZ // 2
-"""The emitter's truth is published twice a second."""
+"""The true position of the emitter is published every this many steps: twice a second."""
 RECEIVERS_TRUTH_STEPS = STEP_HZ
-"""The receivers' once a second."""
+"""The true errors of the receivers are published every this many steps: once a second."""
 
 _EARLY_STEPS = 1e-6
-
-
-class Vehicle:
-    """One UAV: airframe, autopilot, its wind and its faults.
-
-    Args:
-        config: The UAV.
-        sim: The simulation.
-        frame: Frame of the simulated world.
-
-    Attributes:
-        state: True state of the airframe.
-    """
-
-    __slots__ = (
-        "_command",
-        "_frame",
-        "_gust",
-        "_mean_wind",
-        "_navigation",
-        "autopilot",
-        "config",
-        "state",
-    )
-
-    def __init__(self, config: VehicleConfig, sim: SimConfig, frame: LocalFrame) -> None:
-        self.config = config
-        self._frame = frame
-        self._mean_wind = sim.wind.mean_enu
-        self._gust = GaussMarkov(
-            sim.wind.gust_sigma_mps,
-            sim.wind.gust_tau_s,
-            STEP_S,
-            Normals(generator(sim.seed, "gust", config.sysid)),
-        )
-        self._navigation = PositionError(
-            sim.navigation, STEP_S, generator(sim.seed, "navigation", config.sysid)
-        )
-        self.state = State(
-            frame.to_enu(config.launch_lat_rad, config.launch_lon_rad, config.launch_alt_amsl_m)
-        )
-        self._command: Command | None = None
-        clock = Clock(config.clock, sim.utc_start_s, generator(sim.seed, "clock", config.sysid))
-        fitting = Fitting(config, frame, clock, self._navigation, self.state)
-        self.autopilot = PERSONALITIES[config.autopilot](fitting)
-
-    def advance(self, now_s: float) -> None:
-        """Live through the step that ends at a simulation time (s)."""
-        self._gust.advance()
-        self._navigation.advance()
-        (wx, wy, wz), (gx, gy, gz) = self._mean_wind, self._gust.value
-        self.state = step(
-            self.state,
-            self._command,
-            (wx + gx, wy + gy, wz + gz),
-            self.config.limits,
-            self.ground_up_m(),
-            STEP_S,
-        )
-        self._command = self.autopilot.advance(now_s, self.state)
-
-    def ground_up_m(self) -> float:
-        """Up coordinate of the ground below: level with the launch point everywhere, m."""
-        x, y, _ = self.state.position_enu
-        return self._frame.up_at(x, y, self.config.launch_alt_amsl_m)
-
-    @property
-    def navigation_error_enu(self) -> Vector:
-        """Its own solution of where it is less where it is, m."""
-        return self._navigation.correlated_enu
-
-    def on_air(self, now_s: float) -> bool:
-        """Whether anything of it can be received at a simulation time (s)."""
-        dies_at_s = self.config.dies_at_s
-        return not self.config.silent and (dies_at_s is None or now_s < dies_at_s)
 
 
 class World:
@@ -111,9 +32,6 @@ class World:
     sent. Time moves in steps of ``STEP_S`` on a fixed grid; the same configuration and the
     same datagrams at the same times give the same bytes, however :meth:`advance` is sliced.
 
-    A vehicle that is off the air (``silent``, or past ``dies_at_s``) flies on by itself but
-    neither hears nor is heard, and its receiver delivers nothing.
-
     Args:
         config: The simulation.
 
@@ -122,7 +40,7 @@ class World:
             point.
 
     Raises:
-        SimError: The configuration contradicts itself.
+        SimulationError: The configuration contradicts itself.
     """
 
     def __init__(self, config: SimConfig) -> None:
@@ -130,8 +48,8 @@ class World:
         first = config.vehicles[0]
         self.frame = LocalFrame(first.launch_lat_rad, first.launch_lon_rad, first.launch_alt_amsl_m)
         self._config = config
-        self._vehicles = {v.sysid: Vehicle(v, config, self.frame) for v in config.vehicles}
-        self._broadcast = Broadcast(config, self.frame, STEP_S)
+        self._vehicles = {v.sysid: Vehicle(v, config, self.frame, STEP_S) for v in config.vehicles}
+        self._feed = FeedPublisher(config, self.frame, STEP_S)
         self._steps_per_epoch = STEP_HZ / config.receivers.rate_hz
         self._epochs = 0
         self._delay_steps = math.ceil(config.receivers.delay_s * STEP_HZ - _EARLY_STEPS)
@@ -162,7 +80,7 @@ class World:
     def _step(self) -> None:
         self._steps += 1
         now_s = self._steps * STEP_S
-        self._broadcast.emitter.advance()
+        self._feed.emitter.advance()
         for vehicle in self._vehicles.values():
             vehicle.advance(now_s)
             self._collect(vehicle, now_s)
@@ -178,7 +96,7 @@ class World:
             data: Any bytes.
         """
         vehicle = self._vehicles[sysid]
-        if vehicle.on_air(self._time_s):
+        if vehicle.config.faults.is_on_air(self._time_s):
             vehicle.autopilot.receive(data, self._time_s)
             self._collect(vehicle, self._time_s)
 
@@ -194,7 +112,7 @@ class World:
 
     def _collect(self, vehicle: Vehicle, now_s: float) -> None:
         datagrams = vehicle.autopilot.datagrams()
-        if datagrams and vehicle.on_air(now_s):
+        if datagrams and vehicle.config.faults.is_on_air(now_s):
             sysid = vehicle.config.sysid
             self._datagrams.extend((sysid, datagram) for datagram in datagrams)
 
@@ -206,9 +124,9 @@ class World:
         while self._delayed and self._delayed[0][0] <= self._steps:
             self._publications += self._delayed.popleft()[1]
         if self._steps % TRUTH_STEPS == 0:
-            self._publications.append(self._broadcast.truth(self._config.utc_start_s + now_s))
+            self._publications.append(self._feed.truth(self._config.utc_start_s + now_s))
         if self._steps % RECEIVERS_TRUTH_STEPS == 0:
-            self._publications += self._broadcast.receivers_truth(
+            self._publications += self._feed.receivers_truth(
                 {sysid: v.navigation_error_enu for sysid, v in self._vehicles.items()},
                 self._config.utc_start_s + now_s,
             )
@@ -219,10 +137,10 @@ class World:
         hearing = {
             sysid: vehicle.state.position_enu
             for sysid, vehicle in self._vehicles.items()
-            if vehicle.on_air(now_s)
+            if vehicle.config.faults.is_on_air(now_s)
             and vehicle.state.position_enu[2] - vehicle.ground_up_m() > floor_m
         }
-        return self._broadcast.burst(hearing, self._config.utc_start_s + now_s)
+        return self._feed.burst(hearing, self._config.utc_start_s + now_s)
 
     # --- Truth -------------------------------------------------------------------------
 
@@ -236,23 +154,23 @@ class World:
 
     def emitter_state(self) -> EmitterState:
         """True state of the emitter, as of the last whole step."""
-        return self._broadcast.emitter.state
+        return self._feed.emitter.state
 
 
 def _check(config: SimConfig) -> None:
     sysids = [vehicle.sysid for vehicle in config.vehicles]
     if len(set(sysids)) != len(sysids) or not sysids:
-        raise SimError(
+        raise SimulationError(
             f"The simulated vehicles have system ids {sysids}: "
             "at least one is needed, and no two may be the same."
         )
     if config.receivers.reference not in sysids:
-        raise SimError(
+        raise SimulationError(
             f"The reference receiver is on UAV {config.receivers.reference}, "
             f"which is not simulated: name one of {sysids}."
         )
     if not 0.0 < config.receivers.rate_hz <= STEP_HZ:
-        raise SimError(
+        raise SimulationError(
             f"The receivers' rate is {config.receivers.rate_hz} Hz: "
             f"more than 0 and at most {STEP_HZ} Hz can be simulated."
         )

@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from swarmctl.estimation.model.receiver_errors import ReceiverErrors
     from swarmctl.estimation.track.modes import Estimate
     from swarmctl.estimation.track.track import Estimator as Track
+    from swarmctl.formation.design_report import objective_named
     from swarmctl.formation.designs import DESIGNS
-    from swarmctl.formation.report import objective_named
     from swarmctl.formation.requirements import Noise, Requirements
     from swarmctl.mission.mission_file import Mission
     from swarmctl.mission.mission_file_loading import load_mission
@@ -121,7 +121,7 @@ _HOMES = {
     "swarmctl.estimation.track.modes": ("Estimate",),
     "swarmctl.estimation.track.track": ("Track",),
     "swarmctl.formation.designs": ("DESIGNS",),
-    "swarmctl.formation.report": ("objective_named",),
+    "swarmctl.formation.design_report": ("objective_named",),
     "swarmctl.formation.requirements": ("Noise", "Requirements"),
     "swarmctl.mission.mission_file": ("Mission",),
     "swarmctl.mission.mission_file_loading": ("load_mission",),

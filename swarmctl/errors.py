@@ -8,7 +8,8 @@
     ├── EstimationError            an array of the wrong shape, a non-positive sigma, ...
     ├── FormationError             exit code 2: no formation satisfies the constraints
     ├── LinkError                  a port in use, a device that is not there, ...
-    └── FeedError                  a broker that refuses or cannot be reached
+    ├── FeedError                  a broker that refuses or cannot be reached
+    └── SimulationError            a simulation cannot be set up or served
 
 A message is one or more whole sentences: what is wrong, where, and what would be right.
 The command line prints it without a traceback and exits with ``exit_code``.
@@ -78,3 +79,7 @@ class LinkError(SwarmError):
 
 class FeedError(SwarmError):
     """The measurement feed's broker cannot be reached or refuses."""
+
+
+class SimulationError(SwarmError):
+    """A simulation cannot be set up or served."""

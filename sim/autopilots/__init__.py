@@ -6,7 +6,7 @@ from sim.autopilots.ardupilot import ArduPilot
 from sim.autopilots.autopilot import Autopilot
 from sim.autopilots.px4 import Px4
 
-__all__ = ["PERSONALITIES", "Autopilot"]
+__all__ = ["AUTOPILOTS", "Autopilot"]
 
-PERSONALITIES: dict[str, type[ArduPilot] | type[Px4]] = {"ardupilot": ArduPilot, "px4": Px4}
+AUTOPILOTS: dict[str, type[ArduPilot] | type[Px4]] = {"ardupilot": ArduPilot, "px4": Px4}
 """By :attr:`sim.config.VehicleConfig.autopilot`."""

@@ -1,12 +1,12 @@
-"""ArduCopter's flight modes, and which of them its failsafes enter."""
+"""The flight modes of the simulated ArduCopter."""
 
 from __future__ import annotations
 
 import math
 
 from sim.autopilots.flight_modes import FlightMode, hold, sinking
-from sim.autopilots.flight_tasks import Descend, ReturnClimb
 from sim.autopilots.parameters import Parameters
+from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb
 from sim.mavlink import dialect
 
 SINK_MPS = 2.5
@@ -48,10 +48,3 @@ MODES = {
     for mode in (STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
 }
 """By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
-
-GCS_ACTIONS = {1: RTL, 2: RTL, 3: RTL, 4: LAND, 5: LAND, 7: BRAKE}
-"""By FS_GCS_ENABLE; where it would rather take SmartRTL, which it has not, what comes next."""
-BATTERY_ACTIONS = {1: LAND, 2: RTL, 3: RTL, 4: LAND}
-"""By BATT_FS_LOW_ACT and BATT_FS_CRT_ACT."""
-FENCE_ACTIONS = {1: RTL, 2: LAND, 3: RTL, 4: BRAKE, 5: LAND}
-"""By FENCE_ACTION, with what comes next where it would rather take SmartRTL."""

@@ -1,6 +1,6 @@
 """ArduCopter's parameters: what acts here, and what a ground station expects to find.
 
-The names are those of 4.7 in development, on which the manners were measured: MAV_SYSID already,
+The names are those of 4.7 in development, on which the traits were measured: MAV_SYSID already,
 and still centimetres. Releases before have SYSID_THISMAV, 4.7.0 itself metres as well
 (https://ardupilot.org/copter/docs/common-param-name-changes.html).
 """

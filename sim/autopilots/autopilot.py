@@ -2,7 +2,7 @@
 
 Sans-I/O: :meth:`Autopilot.receive` takes a datagram, :meth:`Autopilot.advance` one step of
 time, :meth:`Autopilot.datagrams` hands out what is to be sent. A personality fills in the
-manners measured on a real autopilot; what is not simulated (log and file transfer) answers as an
+traits measured on a real autopilot; what is not simulated (log and file transfer) answers as an
 unknown command or not at all.
 """
 
@@ -10,19 +10,20 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
+from sim.autopilots.battery import Battery
+from sim.autopilots.boot_sequence import REBOOT_S
 from sim.autopilots.flight import Flight
 from sim.autopilots.flight_modes import FlightMode
-from sim.autopilots.message_intervals import Streams
+from sim.autopilots.message_intervals import MessageIntervals
 from sim.autopilots.mission_flight import FlyLegs
-from sim.autopilots.mission_protocol import MISSION
-from sim.autopilots.onboard_state import Fitting, Onboard
+from sim.autopilots.mission_items import MISSION
+from sim.autopilots.onboard_state import Installation, OnboardState
 from sim.autopilots.parameters import Parameters, ParameterServer
-from sim.autopilots.telemetry import autopilot_version
+from sim.autopilots.telemetry import Builders, autopilot_version
 from sim.dynamics import Command, State
-from sim.errors import SimError
 from sim.mavlink import (
     ACCEPTED,
     AUTOPILOT_COMPONENT,
@@ -31,11 +32,10 @@ from sim.mavlink import (
     Message,
     dialect,
 )
+from swarmctl.errors import SimulationError
 
 FORCE = 21196.0
 """``param2`` that disarms in the air."""
-REBOOT_S = 1.2
-"""From the acknowledgement of a reboot to the next heartbeat."""
 
 
 class Request(NamedTuple):
@@ -52,39 +52,39 @@ class Autopilot(Flight):
     """The autopilot of one UAV, listening from power-up on.
 
     Args:
-        fitting: What it is built into.
+        installation: What it is built into.
         parameters: Its parameters with their defaults.
 
     Raises:
-        SimError: Its owner has set a parameter that it does not have.
+        SimulationError: Its owner has set a parameter that it does not have.
     """
 
-    telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]]
+    telemetry: ClassVar[Builders]
 
-    def __init__(self, fitting: Fitting, parameters: Parameters) -> None:
-        config = fitting.config
+    def __init__(self, installation: Installation, parameters: Parameters) -> None:
+        config = installation.config
         for name, value in config.parameters:
             if name not in parameters:
-                raise SimError(
+                raise SimulationError(
                     f"The simulated UAV {config.sysid} has no parameter {name}: "
                     f"name one that its {config.autopilot} autopilot has."
                 )
             parameters.assign(name, value)
-        mode = self.manners.first_mode
+        mode = self.traits.first_mode
         super().__init__(
-            Onboard(
-                *fitting,
-                self.manners,
+            OnboardState(
+                *installation,
+                self.traits,
                 parameters,
                 mode,
                 mode.task(parameters),
                 config.boot_delay_s,
-                charge=config.charge,
+                Battery(config.charge),
             )
         )
         self._streams = self._fresh_streams()
         self._parameters = ParameterServer(
-            parameters, self.manners.parameters_per_s, self._codec.send
+            parameters, self.traits.parameters_per_s, self._codec.send
         )
         self._gcs_heard_s: float | None = None
         self._after_ack: list[Message] = []
@@ -299,14 +299,14 @@ class Autopilot(Flight):
     def _do_set_message_interval(self, request: Request) -> int:
         message_id = _whole(request.param1)
         if message_id not in self.telemetry or not math.isfinite(request.param2):
-            return self.manners.unknown_interval
+            return self.traits.unknown_interval
         self._streams.set_interval(message_id, request.param2, self._me.now_s)
         return ACCEPTED
 
     def _do_request_message(self, request: Request) -> int:
         build = self.telemetry.get(_whole(request.param1))
         if build is None:
-            return self.manners.unknown_message
+            return self.traits.unknown_message
         message = build(self._me)
         if message is not None:
             self._after_ack.append(message)
@@ -321,9 +321,9 @@ class Autopilot(Flight):
             return UNSUPPORTED
         me = self._me
         if me.armed:
-            return self.manners.refused
+            return self.traits.refused
         # It is acknowledged, and heard of again when it has started.
-        heartbeat_s = me.timeline.heartbeat_s
+        heartbeat_s = me.boot_sequence.heartbeat_s
         me.power_up_s = me.now_s + REBOOT_S - heartbeat_s
         self._restart()
         return ACCEPTED
@@ -331,7 +331,7 @@ class Autopilot(Flight):
     def _restart(self) -> None:
         """Forget what does not outlast a reboot: all but parameters and plans."""
         me = self._me
-        me.mode = self.manners.first_mode
+        me.mode = self.traits.first_mode
         me.task = me.mode.task(me.parameters)
         me.failsafe = False
         me.origin_enu = me.home_enu = None
@@ -341,9 +341,9 @@ class Autopilot(Flight):
         self._after_ack.clear()
         self._streams = self._fresh_streams()
 
-    def _fresh_streams(self) -> Streams:
+    def _fresh_streams(self) -> MessageIntervals:
         me = self._me
-        return Streams(me.power_up_s + me.timeline.heartbeat_s, self.manners.streams)
+        return MessageIntervals(me.power_up_s + me.boot_sequence.heartbeat_s, self.traits.unasked_s)
 
 
 def _whole(value: float) -> int:

@@ -16,10 +16,11 @@ from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import Task
 from sim.autopilots.geofence import Fence
 from sim.autopilots.mission_flight import FlyLegs, Pace, legs_of
-from sim.autopilots.mission_protocol import FENCE, MISSION, Plans, TransferManners, fence_shapes
-from sim.autopilots.onboard_state import Onboard
+from sim.autopilots.mission_items import FENCE, MISSION, fence_shapes
+from sim.autopilots.mission_protocol import MissionProtocol, UploadTraits
+from sim.autopilots.onboard_state import OnboardState
 from sim.autopilots.telemetry import mission_current
-from sim.autopilots.traits import Manners
+from sim.autopilots.traits import Traits
 from sim.dynamics import Command, State
 from sim.mavlink import ACCEPTED, Codec, Message, dialect
 from swarmctl.units import Vector
@@ -32,13 +33,13 @@ class Flight(ABC):
         onboard: What it knows about itself.
     """
 
-    manners: ClassVar[Manners]
-    transfer: ClassVar[TransferManners]
+    traits: ClassVar[Traits]
+    transfer: ClassVar[UploadTraits]
 
-    def __init__(self, onboard: Onboard) -> None:
+    def __init__(self, onboard: OnboardState) -> None:
         self._me = onboard
         self._codec = Codec(onboard.config.sysid, onboard.config.signing_key)
-        self._plans = Plans(self.transfer, self._codec.send)
+        self._plans = MissionProtocol(self.transfer, self._codec.send)
         self._fences: Mapping[str, Fence] = {}
         self._fences_of: object = None
         self._plan: object = None
@@ -83,12 +84,11 @@ class Flight(ABC):
         me.now_s, me.truth = now_s, truth
         if me.config.signing_key is not None:
             self._codec.advance(me.clock.kept_utc_s(now_s))
-        lost_s = me.config.gps_lost_at_s
-        me.gps_ok = lost_s is None or now_s < lost_s
-        if me.home_enu is None and me.up_s >= me.timeline.home_set_s:
+        me.gps_ok = me.config.faults.gps_works(now_s)
+        if me.home_enu is None and me.up_s >= me.boot_sequence.home_set_s:
             me.set_home_here()
             me.origin_enu = me.home_enu
-        me.draw(step_s)
+        me.battery.draw(step_s, armed=me.armed)
         me.detect_landing()
         self._watch()
         self._disarm_on_ground()
@@ -138,7 +138,7 @@ class Flight(ABC):
         refusal = self._arming_refusal()
         if refusal is not None:
             self._say(refusal)
-            return self.manners.refused
+            return self.traits.refused
         me.armed, me.flown, me.idle_since_s = True, False, me.now_s
         me.set_home_here()
         me.task = self._task_of(me.mode)
@@ -147,7 +147,7 @@ class Flight(ABC):
     def _disarm(self, *, forced: bool) -> int:
         me = self._me
         if me.armed and not me.landed and not forced:
-            return self.manners.refused
+            return self.traits.refused
         me.armed = False
         return ACCEPTED
 

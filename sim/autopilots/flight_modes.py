@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sim.autopilots.flight_tasks import Descend, Hold, Task, sink
+from sim.autopilots.flight_tasks import Hold, Task
 from sim.autopilots.parameters import Parameters
+from sim.autopilots.takeoff_and_landing import Descend, sink
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,63 @@
-"""Which messages an autopilot sends unasked, and when."""
+"""Which messages a simulated autopilot sends by itself, and at which rates."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
+from sim.mavlink import dialect
+
 MIN_INTERVAL_S, MAX_INTERVAL_S = 5e-3, 60.0
 
 _EARLY_S = 1e-6
 
+ARDUPILOT = {
+    dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+    dialect.MAVLINK_MSG_ID_TIMESYNC: 10.0,
+}
+"""Interval of each message that ArduCopter sends unasked, s."""
+PX4 = {
+    dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 1.0 / 50.0,
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 1.0 / 30.0,
+    dialect.MAVLINK_MSG_ID_ATTITUDE: 1.0 / 20.0,
+    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 1.0 / 20.0,
+    dialect.MAVLINK_MSG_ID_TIMESYNC: 1.0 / 10.0,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: 1.0 / 10.0,
+    dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0 / 5.0,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: 1.0 / 5.0,
+    dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0 / 5.0,
+    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
+    dialect.MAVLINK_MSG_ID_HOME_POSITION: 2.0,
+}
+"""Interval of each message that PX4 sends unasked on its onboard link, s."""
+STREAM_GROUPS = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
+        dialect.MAVLINK_MSG_ID_SYS_STATUS,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+    ),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: (),
+    dialect.MAV_DATA_STREAM_POSITION: (
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    dialect.MAV_DATA_STREAM_EXTRA1: (dialect.MAVLINK_MSG_ID_ATTITUDE,),
+    dialect.MAV_DATA_STREAM_EXTRA2: (dialect.MAVLINK_MSG_ID_VFR_HUD,),
+    dialect.MAV_DATA_STREAM_EXTRA3: (
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
+        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""The messages of each group of REQUEST_DATA_STREAM."""
 
-class Streams:
-    """The message intervals of one link.
+
+class MessageIntervals:
+    """Intervals and due times of one vehicle's messages.
 
     Due times are kept on the interval's own grid, so that the mean rate is exact; a message due
     more often than :meth:`due` is called comes several times at once.

@@ -12,17 +12,9 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from sim.autopilots.flight_tasks import (
-    REACHED_M,
-    Descend,
-    FlyTo,
-    Hold,
-    ReturnClimb,
-    Situation,
-    TakeOff,
-    Task,
-)
-from sim.autopilots.mission_protocol import Item
+from sim.autopilots.flight_tasks import REACHED_M, FlyTo, Hold, Situation, Task
+from sim.autopilots.mission_items import Item
+from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb, TakeOff
 from sim.dynamics import Command
 from sim.mavlink import dialect
 from swarmctl.units import Vector

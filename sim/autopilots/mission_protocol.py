@@ -6,52 +6,29 @@ What is uploaded is kept and given back. Fences act, missions are flown
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
-from sim.autopilots.geofence import Circle, Polygon
+from sim.autopilots.mission_items import (
+    FENCE,
+    MISSION,
+    RALLY,
+    Item,
+    fence_is_sound,
+    mission_is_sound,
+)
 from sim.mavlink import Message, dialect
 
-MISSION: int = dialect.MAV_MISSION_TYPE_MISSION
-FENCE: int = dialect.MAV_MISSION_TYPE_FENCE
-RALLY: int = dialect.MAV_MISSION_TYPE_RALLY
-
 GREATEST_COUNT = 700
-GREATEST_ALT_M = 1e5
+"""Greatest number of items that are stored."""
 
-_INSIDE: int = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
-_OUTSIDE: int = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
-_CIRCLE_INSIDE: int = dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
-_CIRCLE_OUTSIDE: int = dialect.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
-_FENCE_ITEMS = {
-    _INSIDE,
-    _OUTSIDE,
-    _CIRCLE_INSIDE,
-    _CIRCLE_OUTSIDE,
-    dialect.MAV_CMD_NAV_FENCE_RETURN_POINT,
-}
 _PLAIN_FRAMES = {
     dialect.MAV_FRAME_GLOBAL_INT: dialect.MAV_FRAME_GLOBAL,
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
 }
 
 
-class Item(NamedTuple):
-    """One item of a plan, as in MISSION_ITEM_INT."""
-
-    frame: int
-    command: int
-    param1: float
-    param2: float
-    param3: float
-    param4: float
-    x: int
-    y: int
-    z: float
-    autocontinue: int
-
-
-class TransferManners(NamedTuple):
+class UploadTraits(NamedTuple):
     """How an autopilot uploads.
 
     Attributes:
@@ -81,21 +58,21 @@ class _Upload:
         self.asked_s = now_s
 
 
-class Plans:
+class MissionProtocol:
     """The plans of one vehicle and their transfers.
 
     Args:
-        manners: How it uploads.
+        traits: How it uploads.
         send: Sends a message.
 
     Attributes:
         changes: Counts the changes of the stored plans.
     """
 
-    __slots__ = ("_manners", "_send", "_stored", "_upload", "changes")
+    __slots__ = ("_send", "_stored", "_traits", "_upload", "changes")
 
-    def __init__(self, manners: TransferManners, send: Callable[[Message], None]) -> None:
-        self._manners = manners
+    def __init__(self, traits: UploadTraits, send: Callable[[Message], None]) -> None:
+        self._traits = traits
         self._send = send
         self._stored: dict[int, tuple[Item, ...]] = {MISSION: (), FENCE: (), RALLY: ()}
         self._upload: _Upload | None = None
@@ -111,14 +88,14 @@ class Plans:
 
     def advance(self, now_s: float) -> None:
         """Ask again, or give up."""
-        upload, manners = self._upload, self._manners
+        upload, traits = self._upload, self._traits
         if upload is None:
             return
-        if now_s - upload.heard_s >= manners.give_up_s:
+        if now_s - upload.heard_s >= traits.give_up_s:
             self._upload = None
-            if manners.says_so:
+            if traits.says_so:
                 self._ack(upload.peer, dialect.MAV_MISSION_OPERATION_CANCELLED, upload.kind)
-        elif now_s - upload.asked_s >= manners.repeat_s:
+        elif now_s - upload.asked_s >= traits.repeat_s:
             self._ask(upload, now_s)
 
     def on_count(self, message: Message, now_s: float) -> None:
@@ -211,7 +188,7 @@ class Plans:
             self._ack(_peer(message), dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
             return
         item = items[message.seq]
-        if self._manners.home_is_first:
+        if self._traits.home_is_first:
             item = item._replace(frame=_PLAIN_FRAMES.get(item.frame, item.frame))
             if kind == MISSION and message.seq == 0 and home is not None:
                 lat_e7, lon_e7, alt = home
@@ -257,77 +234,13 @@ class Plans:
         upload.asked_s = now_s
         build = (
             dialect.MAVLink_mission_request_int_message
-            if self._manners.asks_int
+            if self._traits.asks_int
             else dialect.MAVLink_mission_request_message
         )
         self._send(build(*upload.peer, len(upload.items), upload.kind))
 
     def _ack(self, peer: tuple[int, int], result: int, kind: int) -> None:
         self._send(dialect.MAVLink_mission_ack_message(*peer, result, kind))
-
-
-def fence_is_sound(items: Sequence[Item]) -> bool:
-    """Whether fence items make whole polygons of three vertices and more, and real circles."""
-    if any(item.command not in _FENCE_ITEMS or not _is_on_earth(item) for item in items):
-        return False
-    if any(
-        item.command in {_CIRCLE_INSIDE, _CIRCLE_OUTSIDE} and not 0.0 < item.param1 < 1e6
-        for item in items
-    ):
-        return False
-    start = 0
-    while start < len(items):
-        item = items[start]
-        if item.command not in {_INSIDE, _OUTSIDE}:
-            start += 1
-            continue
-        count = item.param1
-        if not 3.0 <= count <= len(items) - start:  # false for NaN
-            return False
-        polygon = items[start : start + int(count)]
-        if any((v.command, v.param1) != (item.command, item.param1) for v in polygon):
-            return False
-        start += int(count)
-    return True
-
-
-def mission_is_sound(items: Sequence[Item]) -> bool:
-    """Whether the places of a mission are places that can be flown to."""
-    # NaN is not below anything; commands that name no place have zeros there.
-    return all(_is_on_earth(item) and abs(item.z) < GREATEST_ALT_M for item in items)
-
-
-def _is_on_earth(item: Item) -> bool:
-    return abs(item.x) <= 900_000_000 and abs(item.y) <= 1_800_000_000
-
-
-def fence_shapes(
-    items: Sequence[Item], to_enu: Callable[[int, int], tuple[float, float]]
-) -> tuple[list[Polygon], list[Polygon], list[Circle], list[Circle]]:
-    """Polygons to be inside and outside of and circles likewise, of sound fence items.
-
-    Args:
-        items: The items.
-        to_enu: East and north (m) of latitude and longitude in 1e-7 degrees.
-    """
-    polygons: dict[int, list[Polygon]] = {_INSIDE: [], _OUTSIDE: []}
-    circles: dict[int, list[Circle]] = {_CIRCLE_INSIDE: [], _CIRCLE_OUTSIDE: []}
-    start = 0
-    while start < len(items):
-        item = items[start]
-        count = int(item.param1) if item.command in polygons else 1
-        if item.command in polygons:
-            vertices = tuple(to_enu(v.x, v.y) for v in items[start : start + count])
-            polygons[item.command].append(vertices)
-        elif item.command in circles:
-            circles[item.command].append((*to_enu(item.x, item.y), item.param1))
-        start += count
-    return (
-        polygons[_INSIDE],
-        polygons[_OUTSIDE],
-        circles[_CIRCLE_INSIDE],
-        circles[_CIRCLE_OUTSIDE],
-    )
 
 
 def _peer(message: Message) -> tuple[int, int]:

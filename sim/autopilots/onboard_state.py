@@ -6,31 +6,26 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from sim.autopilots.battery import Battery
+from sim.autopilots.boot_sequence import QUICK, BootSequence
 from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import FlyAxes, FlyVelocity, Situation, Task
 from sim.autopilots.mission_flight import FlyLegs
 from sim.autopilots.parameters import Parameters
-from sim.autopilots.traits import SHORT, Manners, Timeline
-from sim.clock import Clock
+from sim.autopilots.traits import Traits
 from sim.config import VehicleConfig
 from sim.dynamics import State
-from sim.navigation_error import PositionError
+from sim.navigation_errors import NavigationErrors
+from sim.vehicle_clock import VehicleClock
 from swarmctl.frames import LocalFrame
 from swarmctl.units import Vector
 
-CELLS = 3
-EMPTY_CELL_V, FULL_CELL_V = 3.5, 4.2
-CAPACITY_MAH = 3300.0
-ENDURANCE_S = 1800.0
-"""A full battery lasts so long with the motors armed."""
-STANDBY_S = 50.0 * ENDURANCE_S
-"""A full battery lasts so long with the motors disarmed."""
 TOUCHDOWN_S = 1.0
 """Ground contact for so long is a landing."""
 YAW_RATE_RADPS = math.radians(90.0)
 
 
-class Fitting(NamedTuple):
+class Installation(NamedTuple):
     """What an autopilot is built into.
 
     Attributes:
@@ -43,13 +38,13 @@ class Fitting(NamedTuple):
 
     config: VehicleConfig
     frame: LocalFrame
-    clock: Clock
-    navigation: PositionError
+    clock: VehicleClock
+    navigation: NavigationErrors
     truth: State
 
 
 @dataclass(slots=True)
-class Onboard:
+class OnboardState:
     """State of one autopilot.
 
     Attributes:
@@ -58,9 +53,10 @@ class Onboard:
         clock: Its clocks.
         navigation: Error of its positions.
         truth: True state of the airframe.
-        manners: Those of its autopilot.
+        traits: Those of its autopilot.
         parameters: Its parameters.
         power_up_s: Simulation time at which it powers or powered up.
+        battery: Its battery.
         now_s: Simulation time of ``truth``, s.
         mode: Flight mode.
         task: What it does when in the air.
@@ -78,22 +74,21 @@ class Onboard:
         yaw_rad: Heading, clockwise from north, rad.
         wanted_yaw_rad: Heading it turns to, rad.
         yaw_rate_radps: Rate it turns at while it flies a velocity, rad/s clockwise.
-        charge: Battery charge left, 0..1.
-        full_v: Voltage of the full battery, V.
         gps_ok: Whether its GPS works.
-        timeline: What happens when after power-up.
+        boot_sequence: What happens when after power-up.
     """
 
     config: VehicleConfig
     frame: LocalFrame
-    clock: Clock
-    navigation: PositionError
+    clock: VehicleClock
+    navigation: NavigationErrors
     truth: State
-    manners: Manners
+    traits: Traits
     parameters: Parameters
     mode: FlightMode
     task: Task
     power_up_s: float
+    battery: Battery
     now_s: float = 0.0
     armed: bool = False
     landed: bool = True
@@ -108,13 +103,11 @@ class Onboard:
     yaw_rad: float = 0.0
     wanted_yaw_rad: float = 0.0
     yaw_rate_radps: float = 0.0
-    charge: float = 1.0
-    full_v: float = CELLS * FULL_CELL_V
     gps_ok: bool = True
-    timeline: Timeline = field(init=False)
+    boot_sequence: BootSequence = field(init=False)
 
     def __post_init__(self) -> None:
-        self.timeline = self.manners.boot if self.config.full_boot else SHORT
+        self.boot_sequence = self.traits.boot if self.config.full_boot else QUICK
 
     @property
     def up_s(self) -> float:
@@ -135,23 +128,17 @@ class Onboard:
     @property
     def gps_fix(self) -> bool:
         """Whether its GPS knows where it is."""
-        return self.gps_ok and self.up_s >= self.timeline.gps_fix_s
+        return self.gps_ok and self.up_s >= self.boot_sequence.gps_fix_s
 
     @property
     def position_ok(self) -> bool:
         """Whether its own solution is good enough to arm."""
-        return self.gps_ok and self.up_s >= self.timeline.armable_s
+        return self.gps_ok and self.up_s >= self.boot_sequence.armable_s
 
     @property
     def prearm_ok(self) -> bool:
         """Whether it says it would arm."""
         return self.position_ok and self.mode.can_arm
-
-    @property
-    def voltage_v(self) -> float:
-        """Voltage of the battery, V: linear in the charge."""
-        empty = EMPTY_CELL_V / FULL_CELL_V
-        return self.full_v * (empty + (1.0 - empty) * self.charge)
 
     @property
     def position_enu(self) -> Vector:
@@ -167,10 +154,6 @@ class Onboard:
         """Take the present position for home."""
         self.home_enu = self.position_enu
         self.home_alt_amsl_m = self.frame.to_geodetic(*self.home_enu)[2]
-
-    def draw(self, step_s: float) -> None:
-        """Draw from the battery for a time step, s."""
-        self.charge = max(0.0, self.charge - step_s / (ENDURANCE_S if self.armed else STANDBY_S))
 
     def detect_landing(self) -> None:
         """Notice having left the ground or landed."""

@@ -3,45 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from sim.autopilots import px4_setpoints, telemetry
+from sim.autopilots import boot_sequence, message_intervals, px4_setpoints, telemetry
 from sim.autopilots.autopilot import Autopilot, Request
 from sim.autopilots.flight_modes import FlightMode
-from sim.autopilots.flight_tasks import FlyAxes, Hold, TakeOff, Task
+from sim.autopilots.flight_tasks import FlyAxes, Hold, Task
 from sim.autopilots.geofence import Fence
 from sim.autopilots.mission_flight import FlyLegs, Pace
-from sim.autopilots.mission_protocol import TransferManners
-from sim.autopilots.onboard_state import Fitting, Onboard
+from sim.autopilots.mission_protocol import UploadTraits
+from sim.autopilots.onboard_state import Installation
+from sim.autopilots.px4_failsafes import OFFBOARD_ENTRY_S, Px4Failsafes
 from sim.autopilots.px4_modes import (
     AUTO,
-    DATALINK_LOSS_ACTIONS,
-    FENCE_ACTIONS,
     LAND,
     LOITER,
     MISSION,
     MODES,
     OFFBOARD,
-    OFFBOARD_LOSS_ACTIONS,
-    POSCTL,
-    RESUMED_FROM,
     RTL,
     TAKEOFF,
     homing,
     landing,
 )
 from sim.autopilots.px4_parameters import parameters
-from sim.autopilots.traits import CAPABILITIES, Manners, Timeline
+from sim.autopilots.takeoff_and_landing import TakeOff
+from sim.autopilots.traits import CAPABILITIES, Traits
 from sim.mavlink import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Message, dialect
 
-OFFBOARD_ENTRY_S = 0.5
-"""A stream slower than 2 Hz does not open OFFBOARD."""
-OFFBOARD_LOSS_EXTRA_S = 0.1
-"""What it takes longer than COM_OF_LOSS_T to notice that the stream is lost."""
 SPOOL_UP_S = 2.0
-GPS_LOSS_S = 5.0
-"""EKF2_NOAID_TOUT: without GPS for so long it has no position."""
 IDLE_EXTRA_S = 2.0
 """What the measured auto-disarm, 12 s, is longer than COM_DISARM_PRFLT."""
 TAKE_OFF_CLEARANCE_M = 0.5
@@ -52,30 +42,15 @@ TOO_HIGH = "exceeding maximum altitude above Home"
 OUTSIDE = "approaching or outside geofence"
 """What it says of its fences."""
 
-MANNERS = Manners(
+TRAITS = Traits(
     autopilot=dialect.MAV_AUTOPILOT_PX4,
     flight_sw_version=1 << 24 | 16 << 16 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL,
     capabilities=CAPABILITIES | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
     uid_base=0x50583400,
-    boot=Timeline(heartbeat_s=1.0, gps_fix_s=2.0, home_set_s=3.0, armable_s=4.5),
+    boot=boot_sequence.PX4,
     first_mode=LOITER,
     always_healthy=0,
-    streams={
-        dialect.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
-        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 1.0 / 50.0,
-        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 1.0 / 30.0,
-        dialect.MAVLINK_MSG_ID_ATTITUDE: 1.0 / 20.0,
-        dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 1.0 / 20.0,
-        dialect.MAVLINK_MSG_ID_TIMESYNC: 1.0 / 10.0,
-        dialect.MAVLINK_MSG_ID_VFR_HUD: 1.0 / 10.0,
-        dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0 / 5.0,
-        dialect.MAVLINK_MSG_ID_SYS_STATUS: 1.0 / 5.0,
-        dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0 / 5.0,
-        dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
-        dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
-        dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
-        dialect.MAVLINK_MSG_ID_HOME_POSITION: 2.0,
-    },
+    unasked_s=message_intervals.PX4,
     refused=TEMPORARILY_REJECTED,
     unknown_message=DENIED,
     unknown_interval=FAILED,
@@ -87,108 +62,31 @@ class Px4(Autopilot):
     """PX4.
 
     Args:
-        fitting: What it is built into.
+        installation: What it is built into.
     """
 
-    manners = MANNERS
-    transfer = TransferManners(
+    traits = TRAITS
+    transfer = UploadTraits(
         asks_int=True, repeat_s=0.25, give_up_s=5.0, says_so=False, home_is_first=False
     )
-    telemetry: ClassVar[Mapping[int, Callable[[Onboard], Message | None]]] = telemetry.COMMON
+    telemetry: ClassVar[telemetry.Builders] = telemetry.COMMON
 
-    def __init__(self, fitting: Fitting) -> None:
-        super().__init__(fitting, parameters(fitting.config.sysid))
+    def __init__(self, installation: Installation) -> None:
+        super().__init__(installation, parameters(installation.config.sysid))
         self._setpoint_s = -math.inf
         self._previous_setpoint_s = -math.inf
         self._takeoff_up_m = 0.0
-        self._offboard_lost = self._datalink_lost = False
-        self._breached: set[str] = set()
-        self._battery_stage = 0
-        self._gps_lost_since_s: float | None = None
+        self._failsafes = Px4Failsafes(self._me, self._say, super()._enter)
         self._messages[dialect.MAVLINK_MSG_ID_PING] = self._on_ping
 
-    # --- Failsafes ---------------------------------------------------------------------
+    # --- Failsafes and fences ----------------------------------------------------------
 
     def _watch(self) -> None:
-        self._watch_offboard()
-        self._watch_datalink()
-        self._watch_battery()
-        self._watch_gps()
-        self._watch_fence()
+        silent_s = self._me.now_s - self._setpoint_s
+        self._failsafes.watch(silent_s, self._gcs_silent_s(), self._beyond_m().keys())
         self._watch_mission()
         if self._me.mode is TAKEOFF and self._me.flown and isinstance(self._me.task, Hold):
             self._me.mode = LOITER
-
-    def _watch_offboard(self) -> None:
-        me = self._me
-        silent_s = me.now_s - self._setpoint_s
-        if self._offboard_lost and silent_s < OFFBOARD_ENTRY_S:
-            # It was in OFFBOARD by somebody's will, and nobody has changed that since.
-            super()._enter(OFFBOARD)
-            self._offboard_lost = me.failsafe = False
-        elif (
-            me.mode is OFFBOARD
-            and silent_s > me.parameters["COM_OF_LOSS_T"] + OFFBOARD_LOSS_EXTRA_S
-        ):
-            action = OFFBOARD_LOSS_ACTIONS.get(int(me.parameters["COM_OBL_RC_ACT"]), POSCTL)
-            self._fail(action, "No offboard signal")
-            self._offboard_lost = action in RESUMED_FROM
-
-    def _watch_datalink(self) -> None:
-        me = self._me
-        action = DATALINK_LOSS_ACTIONS.get(int(me.parameters["NAV_DLL_ACT"]))
-        lost = action is not None and self._gcs_silent_s() > me.parameters["COM_DL_LOSS_T"]
-        if lost and not self._datalink_lost and me.armed and action is not None:
-            self._fail(action, "GCS connection lost")
-        self._datalink_lost = lost
-
-    def _watch_battery(self) -> None:
-        me, parameters = self._me, self._me.parameters
-        thresholds = ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR")
-        stage = sum(me.charge < parameters[name] for name in thresholds)
-        if stage <= self._battery_stage or not me.armed:
-            return
-        self._battery_stage = stage
-        what = int(parameters["COM_LOW_BAT_ACT"])
-        text = ("", "Low battery", "Critical battery", "Emergency battery level")[stage]
-        if (what == 2 and stage >= 2) or (what == 3 and stage == 3):
-            self._fail(LAND, text)
-        elif what in {1, 3} and stage == 2:
-            self._fail(RTL, text)
-        else:
-            self._say(text)
-
-    def _watch_gps(self) -> None:
-        me = self._me
-        if me.gps_ok or not me.armed:
-            self._gps_lost_since_s = None
-            return
-        if self._gps_lost_since_s is None:
-            self._gps_lost_since_s = me.now_s
-        # It descends blindly, which it shows as landing.
-        if me.now_s - self._gps_lost_since_s >= GPS_LOSS_S and me.mode is not LAND:
-            self._fail(LAND, "No valid position estimate")
-
-    def _watch_fence(self) -> None:
-        me = self._me
-        breached = self._beyond_m().keys()
-        fresh, self._breached = breached - self._breached, set(breached)
-        if not me.armed or me.landed:
-            return
-        action = FENCE_ACTIONS.get(int(me.parameters["GF_ACTION"]))
-        for name in sorted(fresh):
-            if action is None:
-                self._say(f"Geofence: {name}")
-            else:
-                self._fail(action, f"Geofence: {name}")
-
-    def _fail(self, mode: FlightMode, text: str) -> None:
-        self._say(text)
-        if self._me.mode is LAND:
-            return
-        super()._enter(mode)
-        self._offboard_lost = False
-        self._me.failsafe = True
 
     def _build_fences(self) -> dict[str, Fence]:
         me, parameters = self._me, self._me.parameters
@@ -236,12 +134,12 @@ class Px4(Autopilot):
         return fresh and self._setpoint_s - self._previous_setpoint_s < OFFBOARD_ENTRY_S
 
     def _enter(self, mode: FlightMode) -> int:
-        self._offboard_lost = self._me.failsafe = False
+        self._failsafes.clear()
         return super()._enter(mode)
 
     def _restart(self) -> None:
         super()._restart()
-        self._offboard_lost = False
+        self._failsafes.clear()
         self._setpoint_s = self._previous_setpoint_s = -math.inf
 
     # --- Mission -----------------------------------------------------------------------
@@ -283,9 +181,9 @@ class Px4(Autopilot):
 
     def _arming_refusal(self) -> str | None:
         me = self._me
-        if not me.position_ok or self._breached:
+        if not me.position_ok or self._failsafes.breached:
             return "Arming denied: Resolve system health failures first"
-        if me.config.refuses_arming:
+        if me.config.faults.refuses_arming:
             return "Preflight Fail: Compass not healthy"
         if not me.mode.can_arm:
             return f"Arming denied: mode {me.mode.name}"
@@ -296,7 +194,7 @@ class Px4(Autopilot):
         was_armed = me.armed
         result = super()._arm()
         if result == ACCEPTED and not was_armed:
-            self._battery_stage = 0
+            self._failsafes.forget_battery()
             if me.mode is TAKEOFF:
                 self._begin_take_off()
         return result

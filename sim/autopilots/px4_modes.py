@@ -1,12 +1,13 @@
-"""PX4's flight modes, and which of them its failsafes enter."""
+"""The flight modes of the simulated PX4."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from sim.autopilots.flight_modes import FlightMode, hold, sinking
-from sim.autopilots.flight_tasks import Descend, ReturnClimb, Task
+from sim.autopilots.flight_tasks import Task
 from sim.autopilots.parameters import Parameters
+from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb
 from sim.mavlink import dialect
 
 SINK_MPS = 0.7
@@ -66,12 +67,3 @@ MODES = {
     mode.number: mode for mode in (ALTCTL, POSCTL, TAKEOFF, LOITER, MISSION, RTL, LAND, OFFBOARD)
 }
 """By ``custom_mode``: main mode in the third byte, sub-mode in the fourth."""
-
-OFFBOARD_LOSS_ACTIONS = {0: POSCTL, 1: POSCTL, 2: POSCTL, 3: RTL, 4: LAND, 5: LOITER}
-"""By COM_OBL_RC_ACT; without sticks the stick modes are one."""
-RESUMED_FROM = {POSCTL, LOITER}
-"""Where it goes back to OFFBOARD from when setpoints resume."""
-DATALINK_LOSS_ACTIONS = {1: LOITER, 2: RTL, 3: LAND}
-"""By NAV_DLL_ACT."""
-FENCE_ACTIONS = {2: LOITER, 3: RTL, 5: LAND}
-"""By GF_ACTION; 4, to terminate, is off as long as CBRK_FLIGHTTERM is what it is by default."""

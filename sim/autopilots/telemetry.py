@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from sim.autopilots.flight_tasks import Descend, TakeOff
-from sim.autopilots.onboard_state import CAPACITY_MAH, Onboard
+from sim.autopilots.onboard_state import OnboardState
+from sim.autopilots.takeoff_and_landing import Descend, TakeOff
 from sim.mavlink import Message, dialect
 from swarmctl.units import Vector
 
@@ -39,7 +39,7 @@ _SENSORS = (
 )
 
 
-def heartbeat(onboard: Onboard) -> Message:
+def heartbeat(onboard: OnboardState) -> Message:
     """HEARTBEAT."""
     armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED if onboard.armed else 0
     if onboard.failsafe:
@@ -48,7 +48,7 @@ def heartbeat(onboard: Onboard) -> Message:
         state = dialect.MAV_STATE_STANDBY if onboard.landed else dialect.MAV_STATE_ACTIVE
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_QUADROTOR,
-        onboard.manners.autopilot,
+        onboard.traits.autopilot,
         onboard.mode.base_mode | armed,
         onboard.mode.number,
         state,
@@ -56,7 +56,7 @@ def heartbeat(onboard: Onboard) -> Message:
     )
 
 
-def sys_status(onboard: Onboard) -> Message:
+def sys_status(onboard: OnboardState) -> Message:
     """SYS_STATUS."""
     present = _SENSORS | dialect.MAV_SYS_STATUS_PREARM_CHECK
     health = present if onboard.prearm_ok else _SENSORS
@@ -65,11 +65,11 @@ def sys_status(onboard: Onboard) -> Message:
     return dialect.MAVLink_sys_status_message(
         present,
         present,
-        health | onboard.manners.always_healthy,
+        health | onboard.traits.always_healthy,
         100,
-        round(1000.0 * onboard.voltage_v),
+        round(1000.0 * onboard.battery.voltage_v),
         1500 if onboard.armed else 50,
-        round(100.0 * onboard.charge),
+        round(100.0 * onboard.battery.charge),
         0,
         0,
         0,
@@ -79,15 +79,15 @@ def sys_status(onboard: Onboard) -> Message:
     )
 
 
-def system_time(onboard: Onboard) -> Message:
+def system_time(onboard: OnboardState) -> Message:
     """SYSTEM_TIME; UTC is unknown before the GPS fix."""
     # A clock once set goes on without GPS.
-    known = onboard.up_s >= onboard.timeline.gps_fix_s
+    known = onboard.up_s >= onboard.boot_sequence.gps_fix_s
     utc_s = onboard.clock.utc_s(onboard.now_s) if known else 0.0
     return dialect.MAVLink_system_time_message(round(utc_s * 1e6), _boot_ms(onboard))
 
 
-def gps_raw_int(onboard: Onboard) -> Message:
+def gps_raw_int(onboard: OnboardState) -> Message:
     """GPS_RAW_INT."""
     if not onboard.gps_fix:
         return dialect.MAVLink_gps_raw_int_message(
@@ -109,7 +109,7 @@ def gps_raw_int(onboard: Onboard) -> Message:
     )
 
 
-def attitude(onboard: Onboard) -> Message:
+def attitude(onboard: OnboardState) -> Message:
     """ATTITUDE: the airframe leans so that its rotors pull where the thrust is needed."""
     roll, pitch = lean(onboard.truth.thrust_enu, onboard.yaw_rad)
     yaw = math.remainder(onboard.yaw_rad, 2.0 * math.pi)
@@ -128,7 +128,7 @@ def lean(thrust_enu: Vector, yaw_rad: float) -> tuple[float, float]:
     return math.atan2(right, math.hypot(forward, up)), math.atan2(-forward, up)
 
 
-def global_position_int(onboard: Onboard) -> Message:
+def global_position_int(onboard: OnboardState) -> Message:
     """GLOBAL_POSITION_INT; zeros before there is a position."""
     if onboard.home_enu is None:
         return dialect.MAVLink_global_position_int_message(
@@ -150,7 +150,7 @@ def global_position_int(onboard: Onboard) -> Message:
     )
 
 
-def home_position(onboard: Onboard) -> Message | None:
+def home_position(onboard: OnboardState) -> Message | None:
     """HOME_POSITION; None before it is set."""
     if onboard.home_enu is None or onboard.origin_enu is None:
         return None
@@ -162,7 +162,7 @@ def home_position(onboard: Onboard) -> Message | None:
     )
 
 
-def extended_sys_state(onboard: Onboard) -> Message:
+def extended_sys_state(onboard: OnboardState) -> Message:
     """EXTENDED_SYS_STATE."""
     if onboard.landed:
         landed_state = dialect.MAV_LANDED_STATE_ON_GROUND
@@ -177,13 +177,13 @@ def extended_sys_state(onboard: Onboard) -> Message:
     )
 
 
-def autopilot_version(onboard: Onboard) -> Message:
+def autopilot_version(onboard: OnboardState) -> Message:
     """AUTOPILOT_VERSION."""
     nothing = (0,) * 8
-    manners = onboard.manners
+    traits = onboard.traits
     return dialect.MAVLink_autopilot_version_message(
-        manners.capabilities,
-        manners.flight_sw_version,
+        traits.capabilities,
+        traits.flight_sw_version,
         0,
         0,
         0,
@@ -192,11 +192,11 @@ def autopilot_version(onboard: Onboard) -> Message:
         nothing,
         0,
         0,
-        manners.uid_base + onboard.config.sysid,
+        traits.uid_base + onboard.config.sysid,
     )
 
 
-def local_position_ned(onboard: Onboard) -> Message | None:
+def local_position_ned(onboard: OnboardState) -> Message | None:
     """LOCAL_POSITION_NED; None before there is a position."""
     if onboard.origin_enu is None:
         return None
@@ -207,7 +207,7 @@ def local_position_ned(onboard: Onboard) -> Message | None:
     )
 
 
-def attitude_quaternion(onboard: Onboard) -> Message:
+def attitude_quaternion(onboard: OnboardState) -> Message:
     """ATTITUDE_QUATERNION: the attitude of ATTITUDE as a rotation from body to NED."""
     roll, pitch = lean(onboard.truth.thrust_enu, onboard.yaw_rad)
     sr, cr = math.sin(roll / 2.0), math.cos(roll / 2.0)
@@ -225,7 +225,7 @@ def attitude_quaternion(onboard: Onboard) -> Message:
     )
 
 
-def vfr_hud(onboard: Onboard) -> Message:
+def vfr_hud(onboard: OnboardState) -> Message:
     """VFR_HUD."""
     east, north, up = onboard.truth.velocity_enu
     speed = math.hypot(east, north)
@@ -236,7 +236,7 @@ def vfr_hud(onboard: Onboard) -> Message:
     )
 
 
-def battery_status(onboard: Onboard) -> Message:
+def battery_status(onboard: OnboardState) -> Message:
     """BATTERY_STATUS."""
     unused = 65535
     return dialect.MAVLink_battery_status_message(
@@ -244,21 +244,21 @@ def battery_status(onboard: Onboard) -> Message:
         dialect.MAV_BATTERY_FUNCTION_ALL,
         dialect.MAV_BATTERY_TYPE_LIPO,
         32767,
-        [round(1000.0 * onboard.voltage_v)] + [unused] * 9,
+        [round(1000.0 * onboard.battery.voltage_v)] + [unused] * 9,
         1500 if onboard.armed else 50,
-        round((1.0 - onboard.charge) * CAPACITY_MAH),
+        round(onboard.battery.used_mah),
         -1,
-        round(100.0 * onboard.charge),
+        round(100.0 * onboard.battery.charge),
     )
 
 
-def ekf_status_report(onboard: Onboard) -> Message:
+def ekf_status_report(onboard: OnboardState) -> Message:
     """EKF_STATUS_REPORT."""
     flags = EKF_POSITION if onboard.position_ok else EKF_CONSTANT_POSITION
     return dialect.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.0)
 
 
-def gps_global_origin(onboard: Onboard) -> Message | None:
+def gps_global_origin(onboard: OnboardState) -> Message | None:
     """GPS_GLOBAL_ORIGIN; None before it is set."""
     if onboard.origin_enu is None:
         return None
@@ -266,17 +266,20 @@ def gps_global_origin(onboard: Onboard) -> Message | None:
     return dialect.MAVLink_gps_global_origin_message(lat_e7, lon_e7, alt_mm)
 
 
-def timesync_request(onboard: Onboard) -> Message:
+def timesync_request(onboard: OnboardState) -> Message:
     """TIMESYNC that asks the other side."""
     return dialect.MAVLink_timesync_message(0, round(onboard.boot_s * 1e9))
 
 
-def mission_current(onboard: Onboard) -> Message:
+def mission_current(onboard: OnboardState) -> Message:
     """MISSION_CURRENT."""
     return dialect.MAVLink_mission_current_message(onboard.mission_seq)
 
 
-COMMON: dict[int, Callable[[Onboard], Message | None]] = {
+Builders = Mapping[int, Callable[[OnboardState], Message | None]]
+"""What builds each message, by message id; it gives None while there is nothing to tell."""
+
+COMMON: dict[int, Callable[[OnboardState], Message | None]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
     dialect.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
@@ -300,7 +303,7 @@ ARDUPILOT = COMMON | {dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_repor
 """What ArduCopter can be asked for."""
 
 
-def _boot_ms(onboard: Onboard) -> int:
+def _boot_ms(onboard: OnboardState) -> int:
     return round(1000.0 * onboard.boot_s)
 
 
@@ -308,12 +311,12 @@ def _centidegrees(angle_rad: float) -> int:
     return round(100.0 * math.degrees(angle_rad)) % 36000
 
 
-def _reported(onboard: Onboard) -> Vector:
+def _reported(onboard: OnboardState) -> Vector:
     (x, y, z), (ex, ey, ez) = onboard.truth.position_enu, onboard.navigation.report_enu()
     return (x + ex, y + ey, z + ez)
 
 
-def _geodetic_int(onboard: Onboard, position_enu: Vector) -> tuple[int, int, int]:
+def _geodetic_int(onboard: OnboardState, position_enu: Vector) -> tuple[int, int, int]:
     """Latitude and longitude in 1e-7 degrees and altitude in mm."""
     lat, lon, alt = onboard.frame.to_geodetic(*position_enu)
     return (

@@ -23,7 +23,7 @@ from sim.config import (
     VehicleConfig,
     WindConfig,
 )
-from sim.errors import SimError
+from sim.faults import Faults
 from sim.serve import serve, serve_receivers
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.feed.broker import embedded_broker
@@ -84,9 +84,11 @@ def sim_config(
                 full_boot=section.full_boot,
                 clock=clock,
                 boot_delay_s=0.1 * i,
-                silent=kind == "silent",
-                refuses_arming=kind == "refuses_arming",
-                dies_at_s=fault.at_s if fault is not None and kind == "dies" else None,
+                faults=Faults(
+                    silent=kind == "silent",
+                    refuses_arming=kind == "refuses_arming",
+                    dies_at_s=fault.at_s if fault is not None and kind == "dies" else None,
+                ),
             )
         )
     emitter, wind = section.emitter, section.wind
@@ -240,11 +242,8 @@ async def _broker(
     async with contextlib.AsyncExitStack() as stack:
         if url is None:
             await stack.enter_async_context(embedded_broker(address.host, address.port))
-        try:
-            credentials = (address.username, address.password) if address.username else None
-            yield (address.host, address.port), credentials
-        except SimError as error:
-            raise SwarmError(str(error)) from error
+        credentials = (address.username, address.password) if address.username else None
+        yield (address.host, address.port), credentials
 
 
 def controller_addresses(mission: Mission) -> list[tuple[str, int]]:

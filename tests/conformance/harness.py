@@ -272,7 +272,7 @@ class InMemory(Vehicle):
     """A simulated vehicle in virtual time: the same bytes, and no time lost.
 
     Args:
-        personality: Whose manners it has.
+        personality: Whose traits it has.
     """
 
     def __init__(self, personality: Literal["ardupilot", "px4"]) -> None:

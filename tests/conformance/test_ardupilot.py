@@ -78,7 +78,7 @@ def test_it_is_armable_43_s_after_boot_and_knows_no_position_before(ardupilot: V
     assert ardupilot.arm() == ACCEPTED
 
 
-# --- Streams ---------------------------------------------------------------------------
+# --- MessageIntervals ---------------------------------------------------------------------------
 
 
 def test_only_heartbeat_timesync_and_statustext_come_unasked(ardupilot: Vehicle) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, norm
 
-from sim.uwb_room import COLOUR_M, SIGMA_M, TAU_S, record, write
+from sim.indoor_dataset import COLOUR_M, SIGMA_M, TAU_S, record, write
 from swarmctl.datasets.accuracy import Judged
 from swarmctl.datasets.dataset import (
     Epoch,

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.radio_channel import Channel, Impairments
+from sim.radio_channel import Impairments, RadioChannel
 from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import fly_in_memory
 from tests.link.wire import unpack
@@ -21,7 +21,7 @@ BAD_RADIO = Impairments(loss=0.2, duplication=0.05, delay_s=0.3, jitter_s=0.1)
 """Each way: 20 % lost, 5 % doubled, 300-400 ms late, so that 10 Hz messages overtake."""
 
 
-class Tap(Channel[tuple[int, bytes]]):
+class Tap(RadioChannel[tuple[int, bytes]]):
     """A channel that remembers what was said at its beginning, before anything was lost."""
 
     taps: ClassVar[list[Tap]] = []
@@ -45,7 +45,7 @@ def changes(states: list[Any]) -> list[Any]:
 def test_the_mission_completes_and_each_command_is_executed_once(
     short_mission: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(in_memory, "Channel", Tap)
+    monkeypatch.setattr(in_memory, "RadioChannel", Tap)
     Tap.taps.clear()
     summary = fly_in_memory(short_mission(), seed=5, impairments=BAD_RADIO)
 

@@ -118,7 +118,7 @@ def test_faults_reach_their_vehicle() -> None:
         {"sysid": 3, "kind": "dies", "at_s": 12.5},
     ]
     config = sim_config(parse_mission(short_mission_text(sim__faults=faults)), None, 0.0)
-    got = [(v.silent, v.refuses_arming, v.dies_at_s) for v in config.vehicles]
+    got = [(v.faults.silent, v.faults.refuses_arming, v.faults.dies_at_s) for v in config.vehicles]
     assert got == [
         (True, False, None),
         (False, True, None),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.errors import SimError
 from sim.noise import generator
-from sim.radio_channel import Channel, Impairments
+from sim.radio_channel import Impairments, RadioChannel
+from swarmctl.errors import SimulationError
 
 COUNT = 20_000
 
@@ -16,7 +16,7 @@ def passed(
     impairments: Impairments, count: int = COUNT, every_s: float = 0.1
 ) -> list[tuple[float, int]]:
     """Numbers sent one after the other, with the step at which each came out."""
-    channel: Channel[int] = Channel(impairments, generator(1, "test"))
+    channel: RadioChannel[int] = RadioChannel(impairments, generator(1, "test"))
     out = []
     for i in range(count + 20):
         now_s = i * every_s
@@ -55,5 +55,5 @@ def test_delay_lies_between_its_bounds_and_jitter_lets_some_overtake() -> None:
     "impossible", [Impairments(loss=1.1), Impairments(duplication=-0.1), Impairments(delay_s=-1.0)]
 )
 def test_an_impossible_channel_is_refused(impossible: Impairments) -> None:
-    with pytest.raises(SimError, match="are probabilities"):
-        Channel(impossible, generator(1, "test"))
+    with pytest.raises(SimulationError, match="are probabilities"):
+        RadioChannel(impossible, generator(1, "test"))

@@ -12,8 +12,9 @@ import msgspec
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.errors import SimError
+from sim.faults import Faults
 from sim.serve import LONGEST_TURN_S, Shell, serve
+from swarmctl.errors import SimulationError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.schema import TruthMessage
 from tests.brokers import free_port
@@ -150,7 +151,9 @@ async def test_simulation_time_runs_at_the_speed_up() -> None:
 
 async def test_a_dead_broker_is_one_clear_sentence() -> None:
     port = free_port()
-    with pytest.raises(SimError, match=rf"no MQTT broker at 127\.0\.0\.1:{port} .*start one"):
+    with pytest.raises(
+        SimulationError, match=rf"no MQTT broker at 127\.0\.0\.1:{port} .*start one"
+    ):
         await serve(
             simulation(),
             controllers=[("127.0.0.1", 14550)],
@@ -174,12 +177,14 @@ async def test_a_broker_that_goes_away_is_one_clear_sentence() -> None:
                 )
             )
             await ready.wait()
-        with pytest.raises(SimError, match="no MQTT broker at"):
+        with pytest.raises(SimulationError, match="no MQTT broker at"):
             await simulator
 
 
 async def test_an_unreachable_controller_is_one_clear_sentence() -> None:
-    with pytest.raises(SimError, match=r"UAV 1 cannot send to the controller at nowhere\.invalid"):
+    with pytest.raises(
+        SimulationError, match=r"UAV 1 cannot send to the controller at nowhere\.invalid"
+    ):
         await serve(
             simulation(),
             controllers=[("nowhere.invalid", 14550)],
@@ -190,7 +195,7 @@ async def test_an_unreachable_controller_is_one_clear_sentence() -> None:
 
 def test_a_machine_too_slow_slows_the_simulation_down() -> None:
     # A million times real time: uncapped, a turn would not come back.
-    shell = Shell(simulation(vehicle(silent=True)), speedup=1e6)
+    shell = Shell(simulation(vehicle(faults=Faults(silent=True))), speedup=1e6)
     shell.start()
     for _ in range(5):
         truths = shell.turn()

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from sim.config import EmitterConfig, ReceiverConfig, SimConfig
-from sim.sitl_receivers import REACH_S, Listening
+from sim.sitl_receivers import REACH_S, SitlReceivers
 from swarmctl.feed.schema import RangeDifferenceMessage, TruthMessage
 from swarmctl.frames import LocalFrame, sped_up_utc_s
 from tests.link.wire import Sender
@@ -87,7 +87,7 @@ SWARM = [Autopilot(sysid, boot_s=100.0 * sysid) for sysid in SPEEDS]
 
 
 def heard(
-    listening: Listening, until_s: float, swarm: list[Autopilot] = SWARM, height_m: float = 30.0
+    listening: SitlReceivers, until_s: float, swarm: list[Autopilot] = SWARM, height_m: float = 30.0
 ) -> list[tuple[str, bytes]]:
     """What is published while every vehicle reports at 4 Hz, each at its own instants."""
     said = []
@@ -128,7 +128,7 @@ def test_measured_is_where_the_vehicles_say_they_were_at_the_epoch(speedup: floa
         Autopilot(sysid, 100.0 * sysid, speedup=speedup, pace=pace if speedup > 1.0 else 1.0)
         for sysid, pace in zip(SPEEDS, (1.0, 0.95, 1.02), strict=True)
     ]
-    listening = Listening(config(), speedup)
+    listening = SitlReceivers(config(), speedup)
     published = heard(listening, 20.0, swarm)
     assert listening.complaints() == []
     found, truth = differences(published), truths(published)
@@ -158,18 +158,18 @@ def test_measured_is_where_the_vehicles_say_they_were_at_the_epoch(speedup: floa
 
 
 def test_arrival_times_are_published_where_the_mission_wants_them() -> None:
-    published = heard(Listening(config(replace(EXACT, publish="arrival_times"))), 5.0)
+    published = heard(SitlReceivers(config(replace(EXACT, publish="arrival_times"))), 5.0)
     assert not differences(published)
     assert {m.receiver for m in arrival_times(published)} == {1, 2, 3}
 
 
 def test_a_receiver_on_the_ground_hears_nothing() -> None:
-    assert not differences(heard(Listening(config()), 5.0, height_m=4.9))
-    assert differences(heard(Listening(config()), 5.0, height_m=5.1))
+    assert not differences(heard(SitlReceivers(config()), 5.0, height_m=4.9))
+    assert differences(heard(SitlReceivers(config()), 5.0, height_m=5.1))
 
 
 def test_a_vehicle_that_falls_silent_is_soon_without_a_receiver_and_delays_nobody_more() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 5.0)
     published = heard_after(listening, 5.0, 10.0, SWARM[:2])
     last = {m.receiver: m.epoch_utc_s - UTC for m in differences(published)}
@@ -179,7 +179,7 @@ def test_a_vehicle_that_falls_silent_is_soon_without_a_receiver_and_delays_nobod
 
 
 def heard_after(
-    listening: Listening, since_s: float, until_s: float, swarm: list[Autopilot]
+    listening: SitlReceivers, since_s: float, until_s: float, swarm: list[Autopilot]
 ) -> list[tuple[str, bytes]]:
     """What is published while some vehicles go on reporting."""
     for k in range(int(since_s * 4), int(until_s * 4)):
@@ -191,7 +191,7 @@ def heard_after(
 def test_clocks_that_differ_measure_each_vehicle_by_its_own() -> None:
     """As the controller, which knows no other clock either, places the vehicles."""
     late = Autopilot(2, utc_error_s=-0.8)
-    published = heard(Listening(config()), 10.0, [SWARM[0], late, SWARM[2]])
+    published = heard(SitlReceivers(config()), 10.0, [SWARM[0], late, SWARM[2]])
     truth = truths(published)
     of_late = [m for m in differences(published) if m.receiver == 2]
     assert len(of_late) > 80
@@ -205,7 +205,7 @@ def test_clocks_that_differ_measure_each_vehicle_by_its_own() -> None:
 
 
 def test_a_clock_too_far_behind_is_named_once_and_its_receiver_is_left_out() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     late = Autopilot(2, utc_error_s=-9.0)
     published = heard(listening, 30.0, [SWARM[0], late, SWARM[2]])
     assert {m.receiver for m in differences(published)} == {3}
@@ -215,7 +215,7 @@ def test_a_clock_too_far_behind_is_named_once_and_its_receiver_is_left_out() -> 
 
 
 def test_vehicles_that_outrun_the_utc_they_tell_are_named_once_where_the_speed_up_is_not() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 20.0, [*SWARM[:2], Autopilot(3, speedup=5.0)])
     complaints = [c for c in listening.complaints() if "--speedup" in c]
     assert len(complaints) == 1
@@ -223,7 +223,7 @@ def test_vehicles_that_outrun_the_utc_they_tell_are_named_once_where_the_speed_u
 
 
 def test_a_step_of_utc_is_no_speed_up() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 20.0)
     for k in range(20, 30):
         listening.receive(Autopilot(1, boot_s=100.0, utc_error_s=18.0).time(float(k)))
@@ -232,7 +232,7 @@ def test_a_step_of_utc_is_no_speed_up() -> None:
 
 def test_reports_in_any_order_measure_the_same() -> None:
     def measured(order: int) -> dict[tuple[int, float], float]:
-        listening = Listening(config())
+        listening = SitlReceivers(config())
         for pilot in SWARM:
             listening.receive(pilot.time(0.0))
         for k in range(40):
@@ -245,7 +245,7 @@ def test_reports_in_any_order_measure_the_same() -> None:
 
 
 def test_vehicles_that_boot_anew_are_heard_anew() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 10.0)
     # UTC goes on, and boot time begins again.
     again = [Autopilot(sysid, boot_s=-20.0) for sysid in SPEEDS]
@@ -259,7 +259,7 @@ def test_vehicles_that_boot_anew_are_heard_anew() -> None:
 
 @pytest.mark.parametrize("error_s", [3600.0, -3600.0])
 def test_clocks_that_are_set_anew_are_followed_at_once(error_s: float) -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 5.0)
     again = [Autopilot(sysid, utc_error_s=error_s) for sysid in SPEEDS]
     for pilot in again:
@@ -273,7 +273,7 @@ def test_clocks_that_are_set_anew_are_followed_at_once(error_s: float) -> None:
 
 
 def test_a_report_that_was_overtaken_changes_nothing() -> None:
-    listening = Listening(config())
+    listening = SitlReceivers(config())
     heard(listening, 5.0)
     on_ground = [pilot.position(3.0, height_m=0.0) for pilot in SWARM]
     for k in range(20, 40):
@@ -309,7 +309,7 @@ def test_a_report_that_was_overtaken_changes_nothing() -> None:
     ],
 )
 def test_what_is_no_report_changes_nothing(datagram: bytes) -> None:
-    disturbed, undisturbed = Listening(config()), Listening(config())
+    disturbed, undisturbed = SitlReceivers(config()), SitlReceivers(config())
     for listening in (disturbed, undisturbed):
         heard(listening, 5.0)
     disturbed.receive(datagram)
@@ -320,7 +320,7 @@ def test_what_is_no_report_changes_nothing(datagram: bytes) -> None:
 
 def test_the_receivers_clocks_start_with_the_first_report_and_are_told_once_a_second() -> None:
     poor = replace(EXACT, clock_bias_sigma_s=100e-9, clock_drift_sigma=10e-9)
-    listening, exact = Listening(config(poor)), Listening(config())
+    listening, exact = SitlReceivers(config(poor)), SitlReceivers(config())
     published = heard(listening, 20.0)
     told = receivers_truths(published)
     assert [truth.receiver for truth in told[0]] == [1, 2, 3]
@@ -348,7 +348,7 @@ def test_the_receivers_clocks_start_with_the_first_report_and_are_told_once_a_se
 
 def test_a_beacon_that_seldom_bursts_is_told_of_as_often() -> None:
     seldom = replace(EXACT, rate_hz=0.1)
-    published = heard(Listening(config(seldom)), 35.0)
+    published = heard(SitlReceivers(config(seldom)), 35.0)
     bursts = sorted({m.epoch_utc_s for m in differences(published)})
     assert bursts == [UTC + 10.0, UTC + 20.0, UTC + 30.0]
     for m in differences(published):

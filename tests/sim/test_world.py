@@ -12,8 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
 from sim.config import EmitterConfig, NavigationConfig, ReceiverConfig, SimConfig, WindConfig
-from sim.errors import SimError
+from sim.faults import Faults
 from sim.world import World
+from swarmctl.errors import SimulationError
 from tests.sim.flying import (
     ALT,
     LAT,
@@ -324,7 +325,7 @@ def test_nothing_is_measured_without_the_reference() -> None:
 
 
 def test_arrival_times_outlive_the_reference() -> None:
-    dying = vehicle(1, dies_at_s=30.0)
+    dying = vehicle(1, faults=Faults(dies_at_s=30.0))
     receivers = ReceiverConfig(reference=1, publish="arrival_times")
     station = Station(simulation(dying, *SWARM[1:], receivers=receivers))
     station.airborne(20.0, (1, 2, 3))
@@ -355,14 +356,14 @@ def test_truth_is_published_twice_a_second() -> None:
 
 
 def test_a_silent_vehicle_says_nothing_at_all() -> None:
-    station = Station(simulation(vehicle(1), vehicle(2, 10.0, silent=True)))
+    station = Station(simulation(vehicle(1), vehicle(2, 10.0, faults=Faults(silent=True))))
     station.advance(20.0)
     assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 0, sysid=2) == []
     assert {sysid for sysid, _ in station.received} == {1}
 
 
 def test_a_dying_vehicle_falls_silent_flies_on_and_its_receiver_is_lost() -> None:
-    dying = vehicle(3, 60.0, dies_at_s=30.0)
+    dying = vehicle(3, 60.0, faults=Faults(dies_at_s=30.0))
     station = Station(simulation(SWARM[0], SWARM[1], dying, receivers=ReceiverConfig(1)))
     station.airborne(20.0, (1, 2, 3))
     station.advance(29.9 - station.world.time_s)
@@ -391,16 +392,16 @@ def test_wind_barely_moves_a_hover() -> None:
 
 
 def test_contradictory_configurations_are_refused_in_one_sentence() -> None:
-    with pytest.raises(SimError, match=r"system ids \[1, 1\]"):
+    with pytest.raises(SimulationError, match=r"system ids \[1, 1\]"):
         World(simulation(vehicle(1), vehicle(1, 10.0)))
-    with pytest.raises(SimError, match="at least one"):
+    with pytest.raises(SimulationError, match="at least one"):
         World(replace(simulation(), vehicles=()))
-    with pytest.raises(SimError, match="UAV 9, which is not simulated"):
+    with pytest.raises(SimulationError, match="UAV 9, which is not simulated"):
         World(simulation(receivers=ReceiverConfig(reference=9)))
-    with pytest.raises(SimError, match="at most 50 Hz"):
+    with pytest.raises(SimulationError, match="at most 50 Hz"):
         World(simulation(receivers=ReceiverConfig(reference=1, rate_hz=60.0)))
 
 
 def test_a_parameter_the_autopilot_does_not_have_cannot_be_set() -> None:
-    with pytest.raises(SimError, match=r"UAV 1 has no parameter RTL_ALT: .* px4"):
+    with pytest.raises(SimulationError, match=r"UAV 1 has no parameter RTL_ALT: .* px4"):
         World(simulation(vehicle(autopilot="px4", parameters=(("RTL_ALT", 20.0),))))

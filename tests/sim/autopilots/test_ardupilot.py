@@ -1,4 +1,4 @@
-"""The manners of the ardupilot personality, one by one, over MAVLink bytes."""
+"""The traits of the ardupilot personality, one by one, over MAVLink bytes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim.faults import Faults
 from tests.sim.flying import (
     ACCEPTED,
     BRAKE,
@@ -115,7 +116,7 @@ class TestArming:
         assert station.armed()
 
     def test_refused_by_the_fault(self) -> None:
-        station = Station(simulation(vehicle(refuses_arming=True)))
+        station = Station(simulation(vehicle(faults=Faults(refuses_arming=True))))
         station.advance(60.0)
         text, ack = station.command(ARM_DISARM, 1)
         assert text.text.startswith("Arm: ")

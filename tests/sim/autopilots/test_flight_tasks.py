@@ -4,18 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from sim.autopilots.flight_tasks import (
-    Descend,
-    FlyAcceleration,
-    FlyAxes,
-    FlyVelocity,
-    Hold,
-    ReturnClimb,
-    ReturnCruise,
-    Situation,
-    TakeOff,
-    sink,
-)
+from sim.autopilots.flight_tasks import FlyAcceleration, FlyAxes, FlyVelocity, Hold, Situation
+from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb, ReturnCruise, TakeOff, sink
 from swarmctl.units import Vector
 
 HOME = (1.0, 2.0, 3.0)

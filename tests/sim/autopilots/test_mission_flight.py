@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from sim.autopilots.flight_tasks import Descend, FlyTo, Hold, ReturnClimb, Situation, TakeOff
+from sim.autopilots.flight_tasks import FlyTo, Hold, Situation
 from sim.autopilots.mission_flight import FlyLegs, Leg, Pace, legs_of
-from sim.autopilots.mission_protocol import Item
+from sim.autopilots.mission_items import Item
+from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb, TakeOff
 from sim.dynamics import Command
 
 LANDING = Descend(True, 1.5, 0.5, 10.0)

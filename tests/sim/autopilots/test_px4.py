@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.config import VehicleConfig
+from sim.faults import Faults
 from tests.sim.flying import ACCEPTED, ALT, Station, of_type, simulation, vehicle
 
 POSCTL, OFFBOARD = 3 << 16, 6 << 16
@@ -112,7 +113,7 @@ def test_a_critical_battery_does_what_is_set(action: int, entered: int) -> None:
 
 
 def test_gps_loss_lands() -> None:
-    station = Station(simulation(vehicle(autopilot="px4", gps_lost_at_s=40.0)))
+    station = Station(simulation(vehicle(autopilot="px4", faults=Faults(gps_lost_at_s=40.0))))
     station.advance(5.0)
     station.arm()
     station.take_off(ALT + 20.0)

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim.autopilots.telemetry import lean
 from sim.config import NavigationConfig, WindConfig
 from sim.dynamics import GRAVITY_MPS2
+from sim.faults import Faults
 from tests.sim.flying import (
     ALT,
     BRAKE,
@@ -156,7 +157,7 @@ def test_prearm_bit_depends_on_boot_mode_and_fault() -> None:
     assert not prearm(station)
     station.mode(GUIDED)
     assert prearm(station)
-    faulty = Station(simulation(vehicle(refuses_arming=True)))
+    faulty = Station(simulation(vehicle(faults=Faults(refuses_arming=True))))
     faulty.advance(5.0)
     assert prearm(faulty)
 

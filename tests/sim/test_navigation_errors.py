@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from sim.config import NavigationConfig
-from sim.navigation_error import PositionError
+from sim.navigation_errors import NavigationErrors
 from sim.noise import generator
 
 RISK = 1e-4
@@ -16,7 +16,7 @@ RISK = 1e-4
 
 def test_a_report_adds_a_fresh_white_part_to_the_correlated_one() -> None:
     config = NavigationConfig(white_sigma_m=0.7, correlated_sigma_m=3.0, correlated_tau_s=1e6)
-    error = PositionError(config, 0.02, np.random.default_rng(1))
+    error = NavigationErrors(config, 0.02, np.random.default_rng(1))
     reports = np.array([error.report_enu() for _ in range(4000)])
     white = reports - error.correlated_enu
     low, high = stats.chi2.interval(1.0 - RISK, white.size)
@@ -32,7 +32,7 @@ def test_the_correlated_part_has_its_deviation_across_vehicles() -> None:
     config = NavigationConfig(white_sigma_m=0.0, correlated_sigma_m=3.0, correlated_tau_s=10.0)
     values = []
     for seed in range(1000):
-        error = PositionError(config, 1.0, np.random.default_rng(seed))
+        error = NavigationErrors(config, 1.0, np.random.default_rng(seed))
         for _ in range(3):
             error.advance()
         values.append(error.correlated_enu)
@@ -49,7 +49,7 @@ def test_two_vehicles_errors_are_independent() -> None:
     def errors(sysid: int) -> np.ndarray:
         ends = []
         for seed in range(flights):
-            error = PositionError(config, 1.0, generator(seed, "navigation", sysid))
+            error = NavigationErrors(config, 1.0, generator(seed, "navigation", sysid))
             for _ in range(3):
                 error.advance()
             ends.append(error.correlated_enu)

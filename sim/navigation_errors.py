@@ -9,7 +9,7 @@ from sim.noise import GaussMarkov, Normals
 from swarmctl.units import Vector
 
 
-class PositionError:
+class NavigationErrors:
     """A vehicle's position error: a correlated part it flies, and a white part per report.
 
     Args:

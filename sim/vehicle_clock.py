@@ -9,7 +9,7 @@ from sim.noise import Normals
 from swarmctl.frames import sped_up_utc_s
 
 
-class Clock:
+class VehicleClock:
     """The clocks of one vehicle.
 
     Args:

@@ -7,8 +7,9 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim.autopilots.ardupilot_setpoints import global_setpoint, local_setpoint
 from sim.autopilots.flight_tasks import FlyAcceleration, FlyTo, FlyVelocity, Hold, Task
-from sim.autopilots.setpoints import global_setpoint, local_setpoint, setpoint_yaw
+from sim.autopilots.setpoints import setpoint_yaw
 from swarmctl.frames import LocalFrame
 from tests.sim.flying import POSITION_AND_VELOCITY, POSITION_ONLY, VELOCITY_ONLY
 

@@ -5,7 +5,7 @@ correlated over half a second, and gross outliers. A hard room adds what a filte
 of: an error of each receiver that depends on the direction the signal comes from, and a receiver
 that somebody stands in front of. The files have the columns that ``swarmctl track`` reads;
 
-    python -m sim.uwb_room DIRECTORY [--seed 0] [--seconds 20] [--bias 0] [--blocked 5 6 10]
+    python -m sim.indoor_dataset DIRECTORY [--seed 0] [--seconds 20] [--bias 0] [--blocked 5 6 10]
 
 writes them; without options, those that the tests use.
 """
@@ -41,7 +41,7 @@ _TRUTH_HZ = 20.0
 Point = tuple[float, float, float]
 
 
-class Room(NamedTuple):
+class IndoorDataset(NamedTuple):
     """The contents of three files.
 
     Attributes:
@@ -91,7 +91,7 @@ def record(
     *,
     bias_m: float = 0.0,
     blocked: tuple[int, float, float] | None = None,
-) -> Room:
+) -> IndoorDataset:
     """Record an emitter that flies about the room.
 
     Args:
@@ -131,14 +131,14 @@ def record(
     receivers = [
         f"{name},{x:g},{y:g},{z:g}" for name, (x, y, z) in zip(names, corners, strict=True)
     ]
-    return Room(
+    return IndoorDataset(
         _file("receiver,east_m,north_m,up_m", receivers),
         _file("time_s,receiver_i,receiver_j,rd_m", rows),
         _file("time_s,east_m,north_m,up_m", truth),
     )
 
 
-def write(room: Room, directory: Path) -> None:
+def write(room: IndoorDataset, directory: Path) -> None:
     """Write a recording as ``receivers.csv``, ``measurements.csv`` and ``truth.csv``."""
     directory.mkdir(parents=True, exist_ok=True)
     for name, content in room._asdict().items():
@@ -151,7 +151,7 @@ def _file(header: str, rows: list[str]) -> str:
 
 def main() -> None:
     """Write a recording."""
-    parser = argparse.ArgumentParser(prog="python -m sim.uwb_room")
+    parser = argparse.ArgumentParser(prog="python -m sim.indoor_dataset")
     parser.add_argument("directory", type=Path)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=20.0)
