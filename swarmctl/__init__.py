@@ -19,7 +19,7 @@ The rest of this page is the convention sheet that every room of the package kee
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/decoding`` and ``link/encoding``, the console). A name
+    at the edges (the mission file, ``link/codec``, the console). A name
     carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from swarmctl.estimation.model.receiver_errors import ReceiverErrors
     from swarmctl.estimation.track.modes import Estimate
     from swarmctl.estimation.track.track import Estimator as Track
+    from swarmctl.formation.design_report import objective_named
     from swarmctl.formation.designs import DESIGNS
-    from swarmctl.formation.report import objective_named
     from swarmctl.formation.requirements import Noise, Requirements
     from swarmctl.mission.mission_file import Mission
     from swarmctl.mission.mission_file_loading import load_mission
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from swarmctl.recorder.summary import FlightSummary
     from swarmctl.results import MissionResult
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "DESIGNS",
@@ -121,7 +121,7 @@ _HOMES = {
     "swarmctl.estimation.track.modes": ("Estimate",),
     "swarmctl.estimation.track.track": ("Track",),
     "swarmctl.formation.designs": ("DESIGNS",),
-    "swarmctl.formation.report": ("objective_named",),
+    "swarmctl.formation.design_report": ("objective_named",),
     "swarmctl.formation.requirements": ("Noise", "Requirements"),
     "swarmctl.mission.mission_file": ("Mission",),
     "swarmctl.mission.mission_file_loading": ("load_mission",),

@@ -6,7 +6,7 @@ import json
 import math
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -14,7 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from swarmctl.errors import UsageError
-from swarmctl.formation.report import DesignReport
+
+if TYPE_CHECKING:
+    from swarmctl.formation.design_report import DesignReport
 
 
 class ObjectiveName(StrEnum):
@@ -58,7 +60,7 @@ def design(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show where the companions should stand, and what that is worth."""
-    from swarmctl.formation.report import objective_named, report  # noqa: PLC0415 - loads scipy
+    from swarmctl.formation.design_report import objective_named, report  # noqa: PLC0415 - loads scipy
     from swarmctl.formation.requirements import Noise, Requirements  # noqa: PLC0415
 
     requirements = Requirements(

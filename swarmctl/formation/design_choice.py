@@ -34,7 +34,7 @@ def least_range(design: Array, stand_off_m: float) -> float:
     return float((along + np.sqrt(np.maximum(stand_off_m**2 - cross**2, 0.0))).max())
 
 
-class DesignBook:
+class DesignChoice:
     """A flight's designs. Page i is for the range ``first_m`` x STEP^i.
 
     Args:

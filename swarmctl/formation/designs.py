@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.errors import FormationError
+from swarmctl.formation.design_search import SLACK, feasible, first_of_best, refine, worst
 from swarmctl.formation.objectives import Objective
-from swarmctl.formation.optimal import SLACK, feasible, first_of_best, refine, worst
 from swarmctl.formation.requirements import Requirements
 from swarmctl.units import Array
 

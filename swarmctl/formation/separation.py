@@ -47,7 +47,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swarmctl.formation.constraints import limit
+from swarmctl.formation.flight_limits import limit
 from swarmctl.units import Array
 
 Rows = NDArray[np.intp]
@@ -73,7 +73,7 @@ SETTLED_MPS = 1e-3
 
 
 @dataclass(frozen=True)
-class Bound:
+class SpeedBound:
     """How fast one vehicle may go one way.
 
     Attributes:
@@ -129,7 +129,7 @@ def separate(
     wanted: Array,
     apart_m: Array,
     weights: Array,
-    bounds: Sequence[Bound],
+    bounds: Sequence[SpeedBound],
     max_speed_mps: ArrayLike,
     max_acceleration_mps2: ArrayLike,
     dt: float,

@@ -35,16 +35,19 @@ from swarmctl.events import (
 )
 from swarmctl.mission.custody import Custody
 from swarmctl.mission.emitter_tracking import Observer
-from swarmctl.mission.estimate_trust import Reliance, Trust
+from swarmctl.mission.estimate_trust import EstimateTrust, Trust
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.launch import Landing, Launch
-from swarmctl.mission.loss_detection import Failure, Watch
-from swarmctl.mission.membership import Membership
+from swarmctl.mission.in_flight_checks import InFlightChecks
+from swarmctl.mission.landing import Landing
+from swarmctl.mission.launch import Launch
+from swarmctl.mission.loss_detection import LossDetection
+from swarmctl.mission.lost_vehicles import LostVehicles
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase, Trigger, can, next_phase
-from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.planner import PlannedMotion, Planner
 from swarmctl.mission.preflight import Preflight
-from swarmctl.mission.setpoints import setpoints, slots_flown
+from swarmctl.mission.setpoints import measured_slots, setpoint_commands
 from swarmctl.mission.target import Target
 from swarmctl.results import MissionResult
 
@@ -83,13 +86,14 @@ class Controller:
             {v.sysid: VehicleState(v.sysid, v.altitude_amsl_m) for v in mission.swarm.vehicles},
         )
         self.observer = Observer(mission, hiccup_s)
-        self._reliance = Reliance(self.observer.target)
+        self._trust = EstimateTrust(self.observer.target)
         self.planner = Planner(mission)
         self.phase = Phase.WAITING
         self.plan: Plan | None = None
         self.started_s = now
-        self._watch = Watch(mission, hiccup_s)
-        self._membership = Membership(mission, self.fleet, self.planner, self._watch)
+        self._losses = LossDetection(hiccup_s)
+        self._checks = InFlightChecks(mission, self._losses, hiccup_s)
+        self._lost = LostVehicles(mission, self.fleet, self.planner, self._losses)
         self._phase_since = now
         self._next_tick = now
         self._last_tick = now
@@ -98,7 +102,7 @@ class Controller:
         self._landing: Landing | None = None
         self._custody = Custody(self.fleet)
         self._failed_on_ground: Failure | None = None
-        self._planned: Planned | None = None
+        self._planned: PlannedMotion | None = None
         self._worst_error_m = 0.0
         self._is_track_doubted = False
         self._result = (MissionResult.NOT_LOCATED, "")
@@ -195,7 +199,7 @@ class Controller:
                 return f"{self._launch.at_altitude} of {len(vehicles)} vehicles at altitude"
             case Phase.FORMING:
                 return f"worst slot error {self._worst_error_m:.0f} m"
-            case phase if phase in FLYING_FORMATION and self._reliance.trust is Trust.NONE:
+            case phase if phase in FLYING_FORMATION and self._trust.level is Trust.NONE:
                 return "holding until the emitter is found again"
             case Phase.APPROACHING:
                 return f"{self.planner.to_orbit_m(self.observer.target):.0f} m to the orbit"
@@ -251,7 +255,7 @@ class Controller:
         return True
 
     def _end(self, now: float) -> None:
-        lost = next(iter(self._membership.lost.values()), None)
+        lost = next(iter(self._lost.failures.values()), None)
         if lost is not None and self._result[0] is MissionResult.LOCATED:
             # Found what was looked for, but not everyone is home.
             self._result = (lost.result, f"{self._result[1]}, but {lost.detail}")
@@ -282,7 +286,7 @@ class Controller:
         if self._launch is None:
             return
         self._commands += self._launch.rehearsal() if self._shadow else self._launch.step(now)
-        failure = self._launch.failure or self._watch.in_flight(self.fleet, (), False, now)
+        failure = self._launch.failure or self._checks.vehicle_failure(self.fleet, (), False, now)
         if failure is not None:
             self._fail(failure, now)
         elif self._launch.complete or self._shadow:
@@ -302,17 +306,15 @@ class Controller:
         """The estimate of now, as far as guidance may rely on it."""
         observer = self.observer
         observer.predict(utc)
-        self._reliance.review(
-            observer.target, observer.verdict.status, restarted=observer.restarted
-        )
-        return self._reliance.target
+        self._trust.review(observer.target, observer.verdict.status, restarted=observer.restarted)
+        return self._trust.target
 
     def _fly(self, now: float, dt: float) -> None:
         utc = self.fleet.utc(now)
         target = self._aim(utc)
         launch = np.array([v.launch_enu for v in self.fleet.vehicles.values()])[:, :2]
         planned = self.planner.step(
-            self.phase, target, self._worst_error_m, launch, dt, self._reliance.trust
+            self.phase, target, self._worst_error_m, launch, dt, self._trust.level
         )
         self._planned = planned
         self._command(planned)
@@ -325,7 +327,7 @@ class Controller:
             if self._shadow or all(distance < HOME_M for distance in self._home_distances()):
                 vehicles = () if self._shadow else self.fleet.vehicles.values()
                 flying = [v for v in vehicles if v.sysid not in self._custody.released]
-                self._landing = Landing(flying, self._watch, now)
+                self._landing = Landing(flying, self._losses, now)
                 reason = (
                     "nobody is brought home"
                     if self._shadow
@@ -333,29 +335,28 @@ class Controller:
                 )
                 self._move(Trigger.HOME, reason, now)
             return
-        members = self._membership
-        for rejoined in members.take_in_again(utc, now, self._is_ours):
+        for rejoined in self._lost.take_in_again(utc, now, self._is_ours):
             self._say(now, "warning", rejoined, once=False)
-        excused = self._custody.released | members.lost.keys()
-        failure = self._watch.in_flight(self.fleet, excused, not self._shadow, now)
+        excused = self._custody.released | self._lost.failures.keys()
+        failure = self._checks.vehicle_failure(self.fleet, excused, not self._shadow, now)
         loss = None
         if failure is not None:
-            loss = members.do_without(
+            loss = self._lost.do_without(
                 failure,
                 self.phase,
                 target,
                 rereferences=self.observer.rereferences,
             )
         if loss is not None:
-            self.observer.leader = members.reference
+            self.observer.leader = self._lost.reference
             self._say(now, "error", loss, once=False)
             return
-        failure = failure or self._watch.observing(
+        failure = failure or self._checks.observation_failure(
             self.phase, bool(planned.broken), self.observer.last_used_s, self.started_s, now
         )
         if failure is not None:
             self._fail(failure, now)
-        elif self._reliance.trust is not Trust.NONE:
+        elif self._trust.level is not Trust.NONE:
             self._advance(target, now)
 
     def _advance(self, target: Target, now: float) -> None:
@@ -370,7 +371,7 @@ class Controller:
             and target.sigma_m <= goal.sigma_m
         ):
             detail = f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)"
-            if self._reliance.trust is not Trust.FULL:
+            if self._trust.level is not Trust.FULL:
                 detail += f", if that may be believed: {sentence(self.observer.verdict)}"
             self._result = (MissionResult.LOCATED, detail)
             self._move(Trigger.OBSERVED, self._result[1], now)
@@ -405,12 +406,12 @@ class Controller:
                 self._is_track_doubted = False
                 self._say(now, "info", decision.detail, once=False)
 
-    def _command(self, planned: Planned) -> None:
+    def _command(self, planned: PlannedMotion) -> None:
         ours = [self._is_ours(vehicle) for vehicle in self.fleet.vehicles.values()]
-        self._commands += setpoints(planned, self.fleet, ours)
+        self._commands += setpoint_commands(planned, self.fleet, ours)
 
-    def _compare(self, planned: Planned, utc: float | None, now: float) -> Plan:
-        slots = slots_flown(planned, self.fleet, self.planner, utc)
+    def _compare(self, planned: PlannedMotion, utc: float | None, now: float) -> Plan:
+        slots = measured_slots(planned, self.fleet, self.planner, utc)
         rows = enumerate(slots)
         errors = [s.error_m for i, s in rows if i in self.planner.companions and s.error_m]
         self._worst_error_m = max(errors, default=0.0)
@@ -419,7 +420,7 @@ class Controller:
             self._worst_error_m = float(np.linalg.norm(away, axis=1).max())
         return Plan(
             at_s=now,
-            reference=self._membership.reference,
+            reference=self._lost.reference,
             los_rad=planned.los.angle_rad,
             formed=self.phase in FLYING_FORMATION and self.phase is not Phase.FORMING,
             slots=tuple(slots),
@@ -430,7 +431,7 @@ class Controller:
         distances = []
         for vehicle in self.fleet.vehicles.values():
             here, home = vehicle.position_enu, vehicle.launch_enu
-            if here is None or home is None or self._watch.is_lost(vehicle, self._last_tick):
+            if here is None or home is None or self._losses.is_lost(vehicle, self._last_tick):
                 continue
             if not self._is_ours(vehicle):
                 continue

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from swarmctl.events import Mode
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.loss_detection import Failure
 from swarmctl.results import MissionResult
 
 RESUME_S = 5.0

@@ -1,4 +1,4 @@
-"""What an estimate of some health is good for."""
+"""How far guidance trusts an estimate, by the health of its track."""
 
 from __future__ import annotations
 
@@ -23,19 +23,23 @@ class Trust(Enum):
     NONE = auto()
 
 
-class Reliance:
-    """What guidance relies on, by the track's health.
+class EstimateTrust:
+    """How far guidance relies on the estimate, by the track's health.
 
-    A track that has not begun yet is the mission's prior, and that leads. One that was lost and
-    is sought again is not: until it is found, what was believed last bounds the swarm.
+    Before the track begins, the estimate is the mission's prior, and that leads. After the track
+    is lost the prior does not lead again: until there is a track, the last estimate bounds the
+    swarm.
+
+    Args:
+        target: The prior.
 
     Attributes:
-        trust: In the estimate of now.
+        level: How far guidance relies on the latest estimate.
         target: The estimate that guidance gets.
     """
 
     def __init__(self, target: Target) -> None:
-        self.trust = Trust.FULL
+        self.level = Trust.FULL
         self.target = target
 
     def review(self, target: Target, status: Status, *, restarted: bool) -> None:
@@ -47,9 +51,9 @@ class Reliance:
             restarted: Whether the track was lost before.
         """
         if status == "diverged" or (status == "initialising" and restarted):
-            self.trust = Trust.NONE
+            self.level = Trust.NONE
             # Nobody knows where it drifts now, so nobody is led by it.
             self.target = replace(self.target, speed_sigma_mps=math.inf)
             return
-        self.trust = Trust.LITTLE if status == "degraded" else Trust.FULL
+        self.level = Trust.LITTLE if status == "degraded" else Trust.FULL
         self.target = target

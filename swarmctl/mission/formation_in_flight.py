@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swarmctl.formation.design_choice import DesignBook
+from swarmctl.formation.design_choice import DesignChoice
 from swarmctl.formation.designs import DESIGNS
 from swarmctl.formation.guidance import LineOfSight, follow_line_of_sight, go_to, wrap_angle
 from swarmctl.formation.information import slots_in_los_frame
@@ -36,7 +36,7 @@ FIRST_RANGE = 1.2
 """Designs are made for ranges from this many times the slots' distance on."""
 
 
-class Shape:
+class FormationInFlight:
     """The companions' slots around the reference UAV.
 
     Args:
@@ -65,7 +65,7 @@ class Shape:
             mission.limits.min_separation_m,
             mission.formation.separation_margin_m,
         )
-        self._books: dict[int, DesignBook] = {}
+        self._books: dict[int, DesignChoice] = {}
         self._range_m = math.inf
         # The design for an unsure line of sight takes long to make: now, not in flight.
         self._book.choose(self._range_m, math.pi)
@@ -80,7 +80,7 @@ class Shape:
         return [self.reference, *self.members]
 
     @property
-    def _book(self) -> DesignBook:
+    def _book(self) -> DesignChoice:
         """The designs for as many companions as there are now."""
         count = len(self.members)
         if count not in self._books:
@@ -89,7 +89,7 @@ class Shape:
             radius = limits.stand_off_m + formation.stand_off_margin_m
             first = max(radius, FIRST_RANGE * self.d_m)
             expected = expected_enu(mission)
-            self._books[count] = DesignBook(
+            self._books[count] = DesignChoice(
                 lambda range_m: self._make(formation.design, count, range_m),
                 # Only the optimal formation bets on the line of sight.
                 lambda range_m: self._make(

@@ -1,4 +1,4 @@
-"""Getting every vehicle into the air, and back onto the ground: one small machine per vehicle."""
+"""Getting every vehicle into the air: guided mode, arming, take-off and climb, in turn."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from enum import Enum, auto
 
 from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
 from swarmctl.events import CommandOutcome, Mode, VehiclePosition
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import VehicleState
-from swarmctl.mission.loss_detection import Failure, Watch
 from swarmctl.results import MissionResult
 
 STAGGER_S = 2.0
@@ -18,10 +18,6 @@ STREAM_S = 1.5
 """Setpoints come this long before a vehicle that is guided by a stream is asked for the mode."""
 AT_ALTITUDE_M = 2.0
 """Climb complete within this of the altitude, m."""
-RETRY_S = 4.0
-"""A refused or unanswered landing is asked for again after this long."""
-LANDING_TIMEOUT_S = 300.0
-"""A vehicle that has not disarmed this long after the landing began is given up."""
 
 
 class Step(Enum):
@@ -163,49 +159,3 @@ class Launch:
                 f"vehicle {vehicle.sysid} has not reached {vehicle.altitude_amsl_m:g} m AMSL"
                 f" {TAKE_OFF_TIMEOUT_S:g} s after take-off: check its climb rate and its load",
             )
-
-
-class Landing:
-    """Land mode until disarmed, lowest vehicle first, staggered in time.
-
-    Args:
-        vehicles: The vehicles to land.
-        watch: Tells which of them are lost.
-        now: Controller's time, s.
-    """
-
-    def __init__(self, vehicles: list[VehicleState], watch: Watch, now: float) -> None:
-        self._watch = watch
-        ordered = sorted(vehicles, key=lambda v: v.altitude_amsl_m)
-        self._vehicles = ordered
-        self._since = now
-        self._ask_at = {v.sysid: now + i * STAGGER_S for i, v in enumerate(ordered)}
-        self._given_up: set[int] = set()
-
-    @property
-    def given_up(self) -> tuple[int, ...]:
-        """Vehicles that could not be seen to land."""
-        return tuple(sorted(self._given_up))
-
-    def step(self, now: float) -> list[Command]:
-        """Advance with time; returns the commands that are due."""
-        commands: list[Command] = []
-        for vehicle in self._vehicles:
-            if not vehicle.is_armed or vehicle.sysid in self._given_up:
-                continue
-            if self._watch.is_lost(vehicle, now) or now - self._since > LANDING_TIMEOUT_S:
-                self._given_up.add(vehicle.sysid)
-                continue
-            landing = vehicle.heartbeat is not None and vehicle.heartbeat.mode in {
-                Mode.LAND,
-                Mode.RETURN,
-            }
-            if not landing and now >= self._ask_at[vehicle.sysid]:
-                self._ask_at[vehicle.sysid] = now + RETRY_S
-                commands.append(SetMode(sysid=vehicle.sysid, mode=Mode.LAND))
-        return commands
-
-    @property
-    def complete(self) -> bool:
-        """Whether every vehicle has disarmed or was given up."""
-        return all(not v.is_armed or v.sysid in self._given_up for v in self._vehicles)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarmctl.errors import FormationError
-from swarmctl.formation.constraints import (
-    Bounds,
+from swarmctl.formation.flight_limits import (
+    FlightLimits,
     keep_inside,
     keep_outside,
     limit,
@@ -24,13 +24,13 @@ from swarmctl.formation.constraints import (
     violations,
 )
 from swarmctl.formation.guidance import LineOfSight, go_to
-from swarmctl.formation.separation import Bound, least_distances, separate
+from swarmctl.formation.separation import SpeedBound, least_distances, separate
 from swarmctl.mission.estimate_trust import Trust
 from swarmctl.mission.filter_settings import expected_enu
-from swarmctl.mission.formation_in_flight import Shape
-from swarmctl.mission.lead import FENCE_MARGIN_M, Lead
+from swarmctl.mission.formation_in_flight import FormationInFlight
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, OBSERVING, Phase
+from swarmctl.mission.reference_guidance import PLAN_FENCE_MARGIN_M, ReferenceGuidance
 from swarmctl.mission.target import Target
 from swarmctl.units import Array, Vector2
 
@@ -55,7 +55,7 @@ CORRECTION_SHARE = 0.7
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedMotion:
     """One period's plan: rows in the mission file's order of vehicles.
 
     Attributes:
@@ -92,7 +92,7 @@ class Planner:
         self._accelerations = [
             min(limits.max_acceleration_mps2, v.max_acceleration_mps2 or math.inf) for v in vehicles
         ]
-        self._shape = Shape(mission)
+        self._shape = FormationInFlight(mission)
         self._require_fence()
         self._apart_m = least_distances(
             self._altitudes,
@@ -102,7 +102,7 @@ class Planner:
         self._positions = np.zeros((len(self._altitudes), 2))
         self._velocities: Array = np.zeros_like(self._positions)
         self._returning: set[int] = set()
-        self._lead = Lead(mission, self._shape, self._speeds)
+        self._lead = ReferenceGuidance(mission, self._shape, self._speeds)
         # Half of the margin is left to what vehicle and wind make of the plan.
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
 
@@ -138,7 +138,7 @@ class Planner:
         launch: Array,
         dt: float,
         trust: Trust = Trust.FULL,
-    ) -> Planned:
+    ) -> PlannedMotion:
         """Advance the plan by one control period.
 
         Args:
@@ -177,7 +177,7 @@ class Planner:
         level = np.zeros((len(full), 3))
         level[:, :2] = velocities
         slots = self._with_height(self._slots()) if phase in FLYING_FORMATION else full
-        return Planned(full, level, slots, self._shape.los, tuple(broken))
+        return PlannedMotion(full, level, slots, self._shape.los, tuple(broken))
 
     @property
     def reference(self) -> int:
@@ -316,7 +316,7 @@ class Planner:
         )
         return (relative[0] + led[0], relative[1] + led[1])
 
-    def _within_reach(self, velocities: Array) -> list[Bound]:
+    def _within_reach(self, velocities: Array) -> list[SpeedBound]:
         """Companions in formation that make way for another do not leave it for that."""
         led = velocities[self._shape.reference]
         bounds = []
@@ -328,7 +328,7 @@ class Planner:
             out /= distance
             braking = BRAKING_SHARE * self._accelerations[i]
             most = most_outward(self._level_reach_m(i) - distance, braking)
-            bounds.append(Bound(i, (out[0], out[1]), float(out @ led) + most))
+            bounds.append(SpeedBound(i, (out[0], out[1]), float(out @ led) + most))
         return bounds
 
     def _level_reach_m(self, i: int) -> float:
@@ -371,7 +371,7 @@ class Planner:
         relative = keep_outside(offset, relative, keep_out, braking)
         velocity = (relative[0] + drift[0], relative[1] + drift[1])
         velocity = keep_inside(
-            (here[0], here[1]), velocity, limits.geofence_radius_m - FENCE_MARGIN_M, braking
+            (here[0], here[1]), velocity, limits.geofence_radius_m - PLAN_FENCE_MARGIN_M, braking
         )
         return limit(velocity, self._speeds[i])
 
@@ -413,9 +413,9 @@ class Planner:
         ]
         return np.column_stack((horizontal, up))
 
-    def _bounds(self, d_max_m: float | None) -> Bounds:
+    def _bounds(self, d_max_m: float | None) -> FlightLimits:
         limits = self._mission.limits
-        return Bounds(
+        return FlightLimits(
             separation_m=limits.min_separation_m,
             d_max_m=d_max_m,
             stand_off_m=limits.stand_off_m,

@@ -11,9 +11,9 @@ from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTeleme
 from swarmctl.events import CommandOutcome
 from swarmctl.formation.separation import least_distances
 from swarmctl.mission.failsafes.session import Settings
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.filter_settings import expected_enu
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.loss_detection import Failure
 from swarmctl.mission.mission_file import Mission
 from swarmctl.results import MissionResult
 
@@ -28,7 +28,7 @@ CHECK_TIMEOUT_S = 60.0
 ASK_AGAIN_S = 5.0
 """Telemetry that does not come is asked for again after this long."""
 
-FENCE_MARGIN_M = 30.0
+UPLOADED_FENCE_MARGIN_M = 30.0
 """The fence of a vehicle is this much wider than the mission's, which bounds what is planned."""
 FENCE_AGAIN_S = 15.0
 """A fence that was not taken is uploaded again after this long."""
@@ -313,7 +313,7 @@ class Preflight:
         if not self._mission.limits.upload_geofence:
             return []
         lat, lon, _ = self._mission.origin.geodetic
-        radius = self._mission.limits.geofence_radius_m + FENCE_MARGIN_M
+        radius = self._mission.limits.geofence_radius_m + UPLOADED_FENCE_MARGIN_M
         commands: list[Command] = []
         for vehicle in self._fleet.vehicles.values():
             again = self._fence_at.get(vehicle.sysid, -FENCE_AGAIN_S) + FENCE_AGAIN_S

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from swarmctl.commands import GoTo
 from swarmctl.decisions import Slot
 from swarmctl.mission.fleet import Fleet
-from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.planner import PlannedMotion, Planner
 from swarmctl.units import Vector
 
 
-def setpoints(planned: Planned, fleet: Fleet, ours: Sequence[bool]) -> list[GoTo]:
+def setpoint_commands(planned: PlannedMotion, fleet: Fleet, ours: Sequence[bool]) -> list[GoTo]:
     """The setpoints of a plan.
 
     Args:
@@ -43,8 +43,8 @@ def setpoints(planned: Planned, fleet: Fleet, ours: Sequence[bool]) -> list[GoTo
     return found
 
 
-def slots_flown(
-    planned: Planned, fleet: Fleet, planner: Planner, utc_s: float | None
+def measured_slots(
+    planned: PlannedMotion, fleet: Fleet, planner: Planner, utc_s: float | None
 ) -> list[Slot]:
     """Where the vehicles should be, and how far from it they are.
 

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from swarmctl.formation.design_report import DesignReport
 from swarmctl.formation.information import fisher
-from swarmctl.formation.report import DesignReport
 from swarmctl.formation.requirements import Requirements
 from swarmctl.study.paper_index import exact_independent
 from swarmctl.units import Array

@@ -22,9 +22,9 @@ from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.track.modes import Estimate
 from swarmctl.estimation.track.track import Estimator
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.campaign import Log
 from swarmctl.study.engagement import Engagement, Moment, fly
-from swarmctl.study.filters import Filter
 from swarmctl.study.receivers import Heard, Reception, scan_of
 from swarmctl.study.registry import D_MAX_M
 from swarmctl.study.starts import Draw, fixed_frame
@@ -89,7 +89,7 @@ class Chunk(NamedTuple):
     """
 
     case: Case
-    filters: Mapping[str, Filter]
+    filters: Mapping[str, BatchFilter]
     seed: int
     number: int
     runs: int

@@ -26,7 +26,7 @@ from swarmctl.errors import UsageError
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import OBSERVING, Phase
-from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.planner import PlannedMotion, Planner
 from swarmctl.mission.target import Target
 from swarmctl.study.executors import in_order
 from swarmctl.units import Array
@@ -201,7 +201,7 @@ class _Flight:
         self.emitter = 2000.0 * _unit(self.rng.uniform(-math.pi, math.pi))
         self.phase = Phase.FORMING
         self.slots: Array | None = None
-        self.plan: Planned | None = None
+        self.plan: PlannedMotion | None = None
         self.separation_m = math.inf
         self.reach_m = 0.0
         self.not_formed = 0
@@ -239,7 +239,7 @@ class _Flight:
         self._fly(last or self.plan)
         self._look()
 
-    def _fly(self, plan: Planned) -> None:
+    def _fly(self, plan: PlannedMotion) -> None:
         dt = PERIOD_S / STEPS
         for row, gust in enumerate(self.gusts):
             gust.advance()

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
+from swarmctl.formation.design_search import worst
 from swarmctl.formation.designs import DESIGNS
 from swarmctl.formation.objectives import Objective, approach, determinant, rms, track
-from swarmctl.formation.optimal import worst
 from swarmctl.formation.requirements import Requirements
 from swarmctl.study.starts import CV, table_1_covariance
 

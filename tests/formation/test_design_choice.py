@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.formation.design_choice import STEP, SURE_RAD, UNSURE_RAD, DesignBook, least_range
+from swarmctl.formation.design_choice import STEP, SURE_RAD, UNSURE_RAD, DesignChoice, least_range
 from swarmctl.units import Array
 
 D_M = 285.0
@@ -33,8 +33,8 @@ def leaning(theta_rad: float) -> Array:
     return np.array([[theta_rad, D_M], [-theta_rad, D_M], [math.pi, D_M]])
 
 
-def book(maker: Maker, *, nearest_m: float = 430.0, stand_off_m: float = 412.5) -> DesignBook:
-    return DesignBook(
+def book(maker: Maker, *, nearest_m: float = 430.0, stand_off_m: float = 412.5) -> DesignChoice:
+    return DesignChoice(
         maker.sure,
         maker.unsure,
         first_m=430.0,
@@ -96,7 +96,7 @@ def test_no_design_comes_nearer_to_the_emitter_than_the_stand_off() -> None:
 
 def test_a_formation_with_a_slot_ahead_orbits_farther_off() -> None:
     ahead = np.array([[0.0, D_M], [2.0, D_M], [-2.0, D_M]])
-    designs = DesignBook(
+    designs = DesignChoice(
         lambda range_m: ahead,
         lambda range_m: leaning(0.0),
         first_m=430.0,

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.errors import FormationError
+from swarmctl.formation.design_search import worst
 from swarmctl.formation.designs import DESIGNS, optimal, paper, regression, uniform, worst_case
 from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.objectives import OBJECTIVES, determinant, rms, thin, track
-from swarmctl.formation.optimal import worst
 from swarmctl.formation.requirements import Noise, Requirements
 from swarmctl.units import Array
 from tests.formation.test_objectives import standing_at, table_1, table_1_bound, table_1_trajectory

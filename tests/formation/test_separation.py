@@ -8,7 +8,7 @@ import pytest
 
 from swarmctl.formation import separation
 from swarmctl.formation.guidance import go_to
-from swarmctl.formation.separation import Bound, least_distances, separate, slot_separation
+from swarmctl.formation.separation import SpeedBound, least_distances, separate, slot_separation
 from swarmctl.units import Array
 
 SPEED_MPS, ACCELERATION_MPS2, DT = 13.0, 2.0, 0.1
@@ -188,7 +188,7 @@ def test_nobody_is_sent_over_a_bound_to_make_way() -> None:
     velocities: Array = np.zeros((2, 2))
     apart = least_distances([30.0, 30.0], D_M - 5.0, 5.0)
     wanted = np.array([[0.0, 5.0], [0.0, 0.0]])
-    bounds = [Bound(1, (0.0, 1.0), 0.0)]
+    bounds = [SpeedBound(1, (0.0, 1.0), 0.0)]
     for _ in range(50):
         planned = separate(here, velocities, wanted, apart, np.ones(2), bounds, 13.0, 2.0, DT)
         here, velocities = here + 0.5 * (velocities + planned) * DT, planned

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swarmctl.decisions import HealthChanged, MissionEnded, Notice, Plan
-from swarmctl.mission.estimate_trust import Reliance, Trust
+from swarmctl.mission.estimate_trust import EstimateTrust, Trust
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.target import Target
 from tests.mission.fake_fleet import Flight
@@ -18,21 +18,21 @@ THERE = replace(HERE, position_enu=(-3000.0, 0.0, 0.0))
 
 
 def test_a_track_leads_until_it_is_lost_and_then_the_last_belief_bounds() -> None:
-    reliance = Reliance(HERE)
-    for status, trust in (
+    trusted = EstimateTrust(HERE)
+    for status, level in (
         ("initialising", Trust.FULL),
         ("tracking", Trust.FULL),
         ("degraded", Trust.LITTLE),
     ):
-        reliance.review(HERE, status, restarted=False)  # type: ignore[arg-type]
-        assert (reliance.trust, reliance.target) == (trust, HERE)
+        trusted.review(HERE, status, restarted=False)  # type: ignore[arg-type]
+        assert (trusted.level, trusted.target) == (level, HERE)
     for status in ("diverged", "initialising"):
-        reliance.review(THERE, status, restarted=True)  # type: ignore[arg-type]
-        assert reliance.trust is Trust.NONE
-        assert reliance.target.position_enu == HERE.position_enu
-        assert reliance.target.trusted_velocity == (0.0, 0.0)
-    reliance.review(THERE, "tracking", restarted=True)
-    assert (reliance.trust, reliance.target) == (Trust.FULL, THERE)
+        trusted.review(THERE, status, restarted=True)  # type: ignore[arg-type]
+        assert trusted.level is Trust.NONE
+        assert trusted.target.position_enu == HERE.position_enu
+        assert trusted.target.trusted_velocity == (0.0, 0.0)
+    trusted.review(THERE, "tracking", restarted=True)
+    assert (trusted.level, trusted.target) == (Trust.FULL, THERE)
 
 
 @pytest.fixture(params=["tracker", "ncrkf"])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from swarmctl.mission.formation_in_flight import HOLD_RAD, RELABEL_RAD, Shape
+from swarmctl.mission.formation_in_flight import HOLD_RAD, RELABEL_RAD, FormationInFlight
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from tests.missions import DEMO, short_mission_text
@@ -23,16 +23,16 @@ def mission() -> Mission:
     return load_mission(DEMO)
 
 
-def shape_of(mission: Mission, bearing_rad: float = 0.0) -> Shape:
+def shape_of(mission: Mission, bearing_rad: float = 0.0) -> FormationInFlight:
     """A formation that stands, every companion 12 m above the last."""
-    shape = Shape(mission)
+    shape = FormationInFlight(mission)
     positions = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
     shape.begin(positions, FAR * np.array([math.cos(bearing_rad), math.sin(bearing_rad)]))
     return shape
 
 
 def turn(
-    shape: Shape,
+    shape: FormationInFlight,
     bearing_rad: float,
     *,
     seconds: float,
@@ -133,7 +133,7 @@ def test_a_lost_companion_s_place_is_closed_and_opened_again(mission: Mission) -
 
 def test_a_design_with_a_slot_ahead_keeps_the_reference_farther_off() -> None:
     near, far = (
-        Shape(parse_mission(short_mission_text(formation__design=design))).orbit_m
+        FormationInFlight(parse_mission(short_mission_text(formation__design=design))).orbit_m
         for design in ("optimal", "uniform")
     )
     assert near == 425.0

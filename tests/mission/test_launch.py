@@ -1,14 +1,11 @@
-"""Launch and landing sequences in virtual time."""
+"""Launch sequences in virtual time."""
 
 import pytest
 
-from swarmctl.commands import Arm, Command, SetMode, TakeOff
-from swarmctl.events import CommandOutcome, Heartbeat, Mode, VehiclePosition
+from swarmctl.commands import Arm, SetMode, TakeOff
+from swarmctl.events import CommandOutcome, Mode, VehiclePosition
 from swarmctl.mission.fleet import VehicleState
-from swarmctl.mission.launch import LANDING_TIMEOUT_S, RETRY_S, TAKE_OFF_TIMEOUT_S, Landing, Launch
-from swarmctl.mission.loss_detection import HEARTBEAT_LOST_AFTER_S, Watch
-from swarmctl.mission.mission_file_loading import parse_mission
-from tests.missions import short_mission_text
+from swarmctl.mission.launch import TAKE_OFF_TIMEOUT_S, Launch
 
 
 def outcome(sysid: int, command: str, result: str = "accepted") -> CommandOutcome:
@@ -34,24 +31,8 @@ def at(sysid: int, alt: float) -> VehiclePosition:
     )
 
 
-def beat(vehicle: VehicleState, now: float, mode: Mode, *, armed: bool = True) -> None:
-    vehicle.heartbeat = Heartbeat(
-        received_s=now,
-        sysid=vehicle.sysid,
-        autopilot="ardupilot",
-        is_multirotor=True,
-        mode=mode,
-        mode_name=mode.upper(),
-        armed=armed,
-    )
-
-
 def pair() -> list[VehicleState]:
     return [VehicleState(1, 40.0), VehicleState(2, 52.0)]
-
-
-def watch() -> Watch:
-    return Watch(parse_mission(short_mission_text()), 0.0)
 
 
 def test_each_vehicle_goes_through_mode_arm_take_off_and_climb_in_its_turn() -> None:
@@ -122,46 +103,3 @@ def test_a_vehicle_that_does_not_climb_is_named() -> None:
     launch.step(1.1 + TAKE_OFF_TIMEOUT_S)
     assert launch.failure is not None
     assert "vehicle 1 has not reached 40 m AMSL 90 s after take-off" in launch.failure.detail
-
-
-def landings(commands: list[Command]) -> list[int]:
-    assert all(isinstance(c, SetMode) and c.mode is Mode.LAND for c in commands)
-    return [c.sysid for c in commands]
-
-
-def test_the_lowest_lands_first_and_all_end_disarmed() -> None:
-    vehicles = [VehicleState(1, 52.0), VehicleState(2, 40.0)]
-    for vehicle in vehicles:
-        beat(vehicle, 0.0, Mode.GUIDED)
-    landing = Landing(vehicles, watch(), 0.0)
-    assert landings(landing.step(0.0)) == [2]
-    assert landings(landing.step(2.0)) == [1]
-    for vehicle in vehicles:
-        beat(vehicle, 3.0, Mode.LAND)
-    assert landings(landing.step(6.0)) == []
-    assert not landing.complete
-    for vehicle in vehicles:
-        beat(vehicle, 30.0, Mode.LAND, armed=False)
-    assert landing.complete
-    assert landing.given_up == ()
-
-
-def test_landing_is_asked_for_again_until_the_mode_shows() -> None:
-    (vehicle, _) = pair()
-    beat(vehicle, 0.0, Mode.GUIDED)
-    landing = Landing([vehicle], watch(), 0.0)
-    assert landings(landing.step(0.0)) == [1]
-    assert landings(landing.step(RETRY_S - 0.1)) == []
-    assert landings(landing.step(RETRY_S)) == [1]
-
-
-def test_a_vehicle_that_falls_silent_or_never_lands_is_given_up() -> None:
-    silent, stuck = pair()
-    beat(silent, 0.0, Mode.LAND)
-    beat(stuck, LANDING_TIMEOUT_S, Mode.LAND)
-    landing = Landing([silent, stuck], watch(), 0.0)
-    landing.step(HEARTBEAT_LOST_AFTER_S + 0.1)
-    assert set(landing.given_up) == {1}
-    landing.step(LANDING_TIMEOUT_S + 0.1)
-    assert set(landing.given_up) == {1, 2}
-    assert landing.complete

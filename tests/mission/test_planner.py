@@ -10,7 +10,7 @@ from swarmctl.errors import FormationError
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.mission.phases import Phase
-from swarmctl.mission.planner import Planned, Planner
+from swarmctl.mission.planner import PlannedMotion, Planner
 from swarmctl.mission.target import Target
 from tests.missions import DEMO, short_mission_text
 
@@ -44,7 +44,7 @@ def formed(mission: Mission, aim: Target) -> Planner:
     return planner
 
 
-def ranges(planned: Planned) -> np.ndarray:
+def ranges(planned: PlannedMotion) -> np.ndarray:
     distance: np.ndarray = np.hypot.reduce(planned.positions[1:] - planned.positions[0], axis=1)
     return distance
 
@@ -57,7 +57,7 @@ def test_forming_up_holds_the_reference_and_ends_in_the_slots(mission: Mission) 
     assert ranges(planned) == pytest.approx([285.0] * 3, abs=0.2)
 
 
-def along_and_across(planned: Planned) -> tuple[np.ndarray, np.ndarray]:
+def along_and_across(planned: PlannedMotion) -> tuple[np.ndarray, np.ndarray]:
     """Companions' offsets along and across the LOS to the target, sorted, m."""
     los = math.atan2(1110.0, 2240.0)
     ahead = np.array([math.cos(los), math.sin(los)])

@@ -7,9 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.formation.constraints import Bounds, keep_inside, keep_outside, limit, violations
+from swarmctl.formation.flight_limits import (
+    FlightLimits,
+    keep_inside,
+    keep_outside,
+    limit,
+    violations,
+)
 
-BOUNDS = Bounds(
+BOUNDS = FlightLimits(
     separation_m=8.0, d_max_m=300.0, stand_off_m=400.0, fence_radius_m=4000.0, ceiling_m=120.0
 )
 EMITTER = np.array([1000.0, 0.0, 0.0])
@@ -92,5 +98,5 @@ def test_each_broken_limit_is_named(
 def test_the_range_does_not_bind_before_the_formation_is_formed() -> None:
     plan = GOOD.copy()
     plan[1] = (0.0, 350.0, 52.0)
-    bounds = Bounds(8.0, None, 400.0, 4000.0, 120.0)
+    bounds = FlightLimits(8.0, None, 400.0, 4000.0, 120.0)
     assert violations(plan, 0, EMITTER, bounds) == []

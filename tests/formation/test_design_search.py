@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.formation import optimal
+from swarmctl.formation import design_search
+from swarmctl.formation.design_search import feasible, first_of_best, refine, turned, worst
 from swarmctl.formation.objectives import approach, determinant, rms, track
-from swarmctl.formation.optimal import feasible, first_of_best, refine, turned, worst
 from swarmctl.formation.requirements import Requirements
 from swarmctl.units import Array
 
@@ -119,7 +119,7 @@ def test_it_keeps_the_limits_and_is_never_worse_than_its_start(
 
 def test_a_search_that_ends_too_early_breaks_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """On its way it may; a third of these are then cut off outside the limits."""
-    monkeypatch.setattr(optimal, "ITERATIONS", 3)
+    monkeypatch.setattr(design_search, "ITERATIONS", 3)
     wanted = Requirements(6, 300.0, 60.0, 5000.0)
     for seed in range(20):
         assert feasible(wanted, refine(wanted, rms(wanted), [scattered(wanted, seed)]))

@@ -5,12 +5,8 @@ import pytest
 from swarmctl.events import Heartbeat, Mode, VehiclePosition, VehicleStatus
 from swarmctl.frames import LocalFrame
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.loss_detection import (
-    BROKEN_PLAN_S,
-    HEARTBEAT_LOST_AFTER_S,
-    LOST_AFTER_S,
-    Watch,
-)
+from swarmctl.mission.in_flight_checks import BROKEN_PLAN_S, InFlightChecks
+from swarmctl.mission.loss_detection import HEARTBEAT_LOST_AFTER_S, LOST_AFTER_S, LossDetection
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import Phase
 from tests.missions import short_mission_text
@@ -18,8 +14,8 @@ from tests.missions import short_mission_text
 MISSION = parse_mission(short_mission_text())
 
 
-def watch(hiccup_s: float = 0.0) -> Watch:
-    return Watch(MISSION, hiccup_s)
+def checks(hiccup_s: float = 0.0) -> InFlightChecks:
+    return InFlightChecks(MISSION, LossDetection(hiccup_s), hiccup_s)
 
 
 def fleet(
@@ -52,7 +48,7 @@ def fleet(
 
 
 def result(flying: Fleet, now: float, *, all_up: bool = True, hiccup_s: float = 0.0) -> str | None:
-    failure = watch(hiccup_s).in_flight(flying, (), all_up, now)
+    failure = checks(hiccup_s).vehicle_failure(flying, (), all_up, now)
     return failure.result if failure is not None else None
 
 
@@ -81,33 +77,33 @@ def test_the_battery_reserve(battery: float | None, found: str | None) -> None:
 
 
 def test_vehicles_that_a_pilot_flies_are_not_watched() -> None:
-    assert watch().in_flight(fleet(armed=False), (1,), True, 100.0) is None
+    assert checks().vehicle_failure(fleet(armed=False), (1,), True, 100.0) is None
 
 
 def test_the_feed_is_missed_from_the_first_formation_flight_on() -> None:
-    observing = watch()
-    assert observing.observing(Phase.LAUNCHING, False, None, 0.0, 100.0) is None
-    assert observing.observing(Phase.FORMING, False, None, 0.0, 200.0) is None
-    assert observing.observing(Phase.FORMING, False, None, 0.0, 220.0) is None
-    failure = observing.observing(Phase.FORMING, False, None, 0.0, 220.1)
+    observing = checks()
+    assert observing.observation_failure(Phase.LAUNCHING, False, None, 0.0, 100.0) is None
+    assert observing.observation_failure(Phase.FORMING, False, None, 0.0, 200.0) is None
+    assert observing.observation_failure(Phase.FORMING, False, None, 0.0, 220.0) is None
+    failure = observing.observation_failure(Phase.FORMING, False, None, 0.0, 220.1)
     assert failure is not None
     assert failure.result == "feed_silent"
-    assert observing.observing(Phase.FORMING, False, 210.0, 0.0, 220.1) is None
+    assert observing.observation_failure(Phase.FORMING, False, 210.0, 0.0, 220.1) is None
 
 
 def test_a_plan_may_be_broken_for_a_moment_only() -> None:
-    observing = watch()
+    observing = checks()
     phase = Phase.APPROACHING
-    assert observing.observing(phase, False, 0.0, 0.0, 1.0) is None
-    assert observing.observing(phase, True, 1.0, 0.0, 1.0 + BROKEN_PLAN_S) is None
-    failure = observing.observing(phase, True, 5.0, 0.0, 1.1 + BROKEN_PLAN_S)
+    assert observing.observation_failure(phase, False, 0.0, 0.0, 1.0) is None
+    assert observing.observation_failure(phase, True, 1.0, 0.0, 1.0 + BROKEN_PLAN_S) is None
+    failure = observing.observation_failure(phase, True, 5.0, 0.0, 1.1 + BROKEN_PLAN_S)
     assert failure is not None
     assert failure.result == "plan_rejected"
 
 
 def test_the_time_limit() -> None:
     limit = MISSION.goal.time_limit_s
-    assert watch().observing(Phase.ORBITING, False, limit, 0.0, limit) is None
-    failure = watch().observing(Phase.ORBITING, False, limit, 0.0, limit + 0.1)
+    assert checks().observation_failure(Phase.ORBITING, False, limit, 0.0, limit) is None
+    failure = checks().observation_failure(Phase.ORBITING, False, limit, 0.0, limit + 0.1)
     assert failure is not None
     assert failure.result == "not_located"

@@ -1,4 +1,4 @@
-"""Who flies in the formation: a lost vehicle is done without, one heard again is taken in."""
+"""What happens when a vehicle is lost: the others close up, and one heard again rejoins them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import Fleet, VehicleState
-from swarmctl.mission.loss_detection import Failure, Watch
+from swarmctl.mission.loss_detection import LossDetection
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import FLYING_FORMATION, Phase
 from swarmctl.mission.planner import Planner
@@ -15,25 +16,27 @@ from swarmctl.mission.target import Target
 from swarmctl.results import MissionResult
 
 
-class Membership:
-    """The vehicles that are lost, and what becomes of the formation.
+class LostVehicles:
+    """The vehicles that are lost, and what the formation does without them.
 
     Args:
         mission: The mission.
         fleet: Its vehicles.
         planner: Told who flies.
-        watch: Says who is lost.
+        losses: Tells which vehicles are lost.
 
     Attributes:
-        lost: Why, by system id.
+        failures: Why each lost vehicle is lost, by system id.
     """
 
-    def __init__(self, mission: Mission, fleet: Fleet, planner: Planner, watch: Watch) -> None:
+    def __init__(
+        self, mission: Mission, fleet: Fleet, planner: Planner, losses: LossDetection
+    ) -> None:
         self._mission = mission
         self._fleet = fleet
         self._planner = planner
-        self._watch = watch
-        self.lost: dict[int, Failure] = {}
+        self._losses = losses
+        self.failures: dict[int, Failure] = {}
 
     @property
     def reference(self) -> int:
@@ -66,7 +69,7 @@ class Membership:
         leads = failure.sysid == self.reference
         if leads and not rereferences:
             return None
-        self.lost[failure.sysid] = failure
+        self.failures[failure.sysid] = failure
         companions = f"{left} companion{'s' if left > 1 else ''}"
         if leads:
             self._planner.succeed(target)
@@ -91,12 +94,12 @@ class Membership:
             What to tell the operator.
         """
         sentences = []
-        for sysid in list(self.lost):
+        for sysid in list(self.failures):
             vehicle = self._fleet.vehicles[sysid]
             here = vehicle.position_at(utc) if utc is not None else None
-            if here is None or self._watch.is_lost(vehicle, now) or not is_ours(vehicle):
+            if here is None or self._losses.is_lost(vehicle, now) or not is_ours(vehicle):
                 continue
-            del self.lost[sysid]
+            del self.failures[sysid]
             self._planner.add(self._mission.swarm.sysids.index(sysid), np.array(here[:2]))
             sentences.append(f"vehicle {sysid} is back in the formation")
         return sentences

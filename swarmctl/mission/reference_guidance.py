@@ -10,7 +10,7 @@ import numpy as np
 from swarmctl.formation.dogleg import DogLegs, Situation, Terms, turned
 from swarmctl.formation.guidance import approach_and_orbit, orbit_speed, pace, wrap_angle
 from swarmctl.formation.requirements import Noise
-from swarmctl.mission.formation_in_flight import HOLD_RAD, Shape
+from swarmctl.mission.formation_in_flight import HOLD_RAD, FormationInFlight
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.target import Target
@@ -22,7 +22,7 @@ ASIDE_RAD = (math.radians(20.0), math.radians(60.0))
 """It slows likewise as the formation faces another way than the estimate, to let it turn."""
 FEED_HZ = 10.0
 """Rate of range differences that dog-legs are judged by."""
-FENCE_MARGIN_M = 10.0
+PLAN_FENCE_MARGIN_M = 10.0
 """Plans are turned back this far inside the geofence."""
 PACE_SHARE = 0.95
 """Share of the vehicles' greatest speeds the formation flies: they keep some to correct with."""
@@ -30,7 +30,7 @@ RANGE_GUARD = 3.0
 """The reference does not approach nearer than this many sigmas of the estimate."""
 
 
-class Lead:
+class ReferenceGuidance:
     """The reference UAV's wishes.
 
     Args:
@@ -39,7 +39,9 @@ class Lead:
         speeds_mps: Greatest speed of each of the mission's vehicles.
     """
 
-    def __init__(self, mission: Mission, shape: Shape, speeds_mps: Sequence[float]) -> None:
+    def __init__(
+        self, mission: Mission, shape: FormationInFlight, speeds_mps: Sequence[float]
+    ) -> None:
         self._mission = mission
         self._shape = shape
         self._speeds = speeds_mps
@@ -53,7 +55,9 @@ class Lead:
                 cruise_mps=mission.limits.cruise_speed_mps,
                 wanted_m=mission.goal.sigma_m,
                 observe_s=mission.goal.orbit_s,
-                fence_m=mission.limits.geofence_radius_m - mission.limits.d_max_m - FENCE_MARGIN_M,
+                fence_m=mission.limits.geofence_radius_m
+                - mission.limits.d_max_m
+                - PLAN_FENCE_MARGIN_M,
             )
         )
 

@@ -79,7 +79,7 @@ def limit(vector: Vector2, most: float) -> Vector2:
 
 
 @dataclass(frozen=True)
-class Bounds:
+class FlightLimits:
     """The limits a planned formation is judged by; None where one does not apply.
 
     Attributes:
@@ -98,7 +98,7 @@ class Bounds:
     ceiling_m: float
 
 
-def violations(positions: Array, reference: int, emitter: Array, bounds: Bounds) -> list[str]:
+def violations(positions: Array, reference: int, emitter: Array, bounds: FlightLimits) -> list[str]:
     """Everything a set of planned positions would break, as sentences' middles.
 
     Args:
