@@ -13,9 +13,11 @@ import swarmctl
 from missions.find_beacon import find_beacon, in_words
 from sim.world import World
 from swarmctl.mission.snapshot import Snapshot
-from tests.summaries import SUMMARY, WITHOUT_TRUTH
+from swarmctl.recorder.summary import read_summary
+from tests.summaries import SUMMARY, WITHOUT_TRUTH, known
 
 Short = Callable[..., Path]
+SCRIPT = str(Path(__file__).parents[1] / "missions" / "find_beacon.py")
 
 
 async def test_the_mission_script_finds_the_beacon(short_mission: Short) -> None:
@@ -25,7 +27,7 @@ async def test_the_mission_script_finds_the_beacon(short_mission: Short) -> None
 
 @pytest.fixture
 def recording(short_mission: Short, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the script's flight is recorded, in memory instead of over sockets."""
+    """Where the script's flight is recorded: in memory, and cut once there are estimates."""
 
     @contextlib.asynccontextmanager
     async def simulated(mission: Path, *, speedup: float) -> AsyncIterator[None]:
@@ -34,7 +36,16 @@ def recording(short_mission: Short, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     async def fly(
         mission: Path, *, speedup: float, on_snapshot: Callable[[Snapshot], None]
     ) -> swarmctl.FlightSummary:
-        return swarmctl.fly_in_memory(short_mission(), tmp_path, seed=3, on_snapshot=on_snapshot)
+        summary = swarmctl.fly_in_memory(
+            short_mission(),
+            tmp_path,
+            seed=3,
+            on_snapshot=on_snapshot,
+            until=lambda snapshot: snapshot.elapsed_s > 60.0,
+        )
+        return msgspec.structs.replace(
+            summary, result=swarmctl.MissionResult.CANCELLED, detail="the flight is cut here"
+        )
 
     monkeypatch.setattr(swarmctl, "simulated", simulated)
     monkeypatch.setattr(swarmctl, "fly", fly)
@@ -50,12 +61,12 @@ def topics(recording: Path) -> set[str]:
 def test_the_script_tells_the_error_where_the_truth_is_known(
     recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    runpy.run_module("missions.find_beacon", run_name="__main__")
+    runpy.run_path(SCRIPT, run_name="__main__")
     assert "/truth/EmitterTruth" in topics(recording)
     *progress, last = capsys.readouterr().out.splitlines()
-    assert any("to the orbit" in line for line in progress)
-    assert last.startswith("located: the emitter is located to ")
-    assert last.endswith(" m off")
+    assert any("vehicles at altitude" in line for line in progress)
+    error_m = known(read_summary(recording).final_error_m)
+    assert last == f"cancelled: the flight is cut here, {error_m:.1f} m off"
 
 
 def test_the_script_ends_well_where_nobody_tells_the_truth(
@@ -68,11 +79,12 @@ def test_the_script_ends_well_where_nobody_tells_the_truth(
         return [(topic, data) for topic, data in publications(world) if "truth" not in topic]
 
     monkeypatch.setattr(World, "publications", without_truth)
-    runpy.run_module("missions.find_beacon", run_name="__main__")
+    runpy.run_path(SCRIPT, run_name="__main__")
     assert not any("truth" in topic.lower() for topic in topics(recording))
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("located: the emitter is located to ")
-    assert last.endswith("(1 sigma, larger axis)")
+    summary = read_summary(recording)
+    assert (summary.final_error_m, summary.min_standoff_m, summary.nees_mean) == (None, None, None)
+    assert known(summary.final_sigma_m) > 0.0
+    assert capsys.readouterr().out.splitlines()[-1] == "cancelled: the flight is cut here"
 
 
 @pytest.mark.parametrize(

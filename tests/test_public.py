@@ -58,3 +58,7 @@ def test_a_star_import_brings_every_name() -> None:
     names: dict[str, typing.Any] = {}
     exec("from swarmctl import *", names)
     assert names.keys() >= set(swarmctl.__all__)
+
+
+def test_the_command_line_loads_numpy_only_for_a_command_that_needs_it() -> None:
+    assert "numpy" not in loaded_by("import swarmctl.cli")

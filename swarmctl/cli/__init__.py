@@ -1,4 +1,4 @@
-"""The command line: ``swarmctl demo``, ``sim``, ``run``."""
+"""The command line: ``swarmctl demo``, ``run``, ``sim``, ``design``, ``track`` and ``study``."""
 
 from swarmctl.cli.app import main
 

@@ -1,4 +1,8 @@
-"""The ``swarmctl`` command: parses, wires, prints. Errors are sentences and exit codes."""
+"""The ``swarmctl`` command: reads its arguments, starts what they ask for, prints the outcome.
+
+Every error is a sentence and an exit code. What is slow to load is loaded by the command that
+needs it, so that ``--help`` stays quick.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -20,11 +24,7 @@ from swarmctl.cli.design import design
 from swarmctl.cli.missions import find_mission
 from swarmctl.cli.track import track
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops import exit_codes
-
-if TYPE_CHECKING:
-    from swarmctl.recorder.summary import FlightSummary
 
 app = typer.Typer(
     name="swarmctl",
@@ -72,13 +72,13 @@ def main() -> None:
     try:
         app(standalone_mode=True)
     except SwarmError as error:
-        _complain(error)
+        _print_error(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(exit_codes.CANCELLED)
 
 
-def _complain(error: SwarmError) -> None:
+def _print_error(error: SwarmError) -> None:
     Console(stderr=True, highlight=False, soft_wrap=True).print(str(error), markup=False)
 
 
@@ -106,12 +106,10 @@ def demo(
     ] = False,
 ) -> None:
     """Fly a mission with simulated vehicles, emitter and broker, all on this machine."""
-    from swarmctl.ops.in_memory import fly_in_memory  # noqa: PLC0415 - loads the simulator
-    from swarmctl.ops.live import fly  # noqa: PLC0415
-    from swarmctl.ops.simulation import simulated, simulation_section  # noqa: PLC0415
+    from swarmctl.ops.simulation import simulation_section  # noqa: PLC0415 - loads the simulator
 
     path = find_mission(mission)
-    loaded = load_mission(path)
+    loaded = swarmctl.load_mission(path)
     section = simulation_section(loaded)
     seed = section.seed if seed is None else seed
     out = out or _default_out(loaded.name)
@@ -121,7 +119,7 @@ def demo(
         if forward:
             raise UsageError("--in-memory uses no sockets: leave --forward out.")
         with Reporter(loaded, headless=True) as reporter:
-            summary = fly_in_memory(
+            summary = swarmctl.fly_in_memory(
                 path,
                 out,
                 seed=seed,
@@ -130,9 +128,9 @@ def demo(
             )
     else:
 
-        async def both() -> FlightSummary:
-            async with simulated(path, seed=seed, speedup=speedup, broker=broker):
-                return await fly(
+        async def fly_simulated() -> swarmctl.FlightSummary:
+            async with swarmctl.simulated(path, seed=seed, speedup=speedup, broker=broker):
+                return await swarmctl.fly(
                     path,
                     out,
                     broker=broker,
@@ -145,7 +143,7 @@ def demo(
                 )
 
         with Reporter(loaded, headless=headless) as reporter:
-            summary = asyncio.run(both())
+            summary = asyncio.run(fly_simulated())
     _finish(summary, out)
 
 
@@ -169,19 +167,17 @@ def run(
         typer.Option(
             "--set-failsafes",
             help="Set the vehicles' failsafes for the flight where they are not right, and restore"
-            " them after it, as does swarm.set_failsafes in the mission.",
+            " them after it, as swarm.set_failsafes in the mission does.",
         ),
     ] = False,
 ) -> None:
     """Fly a mission with whatever vehicles answer on its link."""
-    from swarmctl.ops.live import fly  # noqa: PLC0415 - keeps `--help` quick
-
     path = find_mission(mission)
-    loaded = load_mission(path)
+    loaded = swarmctl.load_mission(path)
     out = out or _default_out(loaded.name)
     with Reporter(loaded, headless=headless) as reporter:
         summary = asyncio.run(
-            fly(
+            swarmctl.fly(
                 path,
                 out,
                 broker=broker,
@@ -237,19 +233,19 @@ def sim(
     if with_parent:
         # The controller answers Ctrl-C by bringing the swarm home: that needs the vehicles.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    loaded = load_mission(find_mission(mission))
+    loaded = swarmctl.load_mission(find_mission(mission))
     embedded = "embedded broker" if broker is None else "outside broker"
-    heard_at = listen or LISTEN
+    listens_at = listen or LISTEN
 
     def ready() -> None:
         vehicles = len(loaded.swarm.vehicles)
         if receivers_only:
-            what = f"an emitter and {vehicles} receivers; MAVLink is heard at {heard_at}"
+            served = f"an emitter and {vehicles} receivers; MAVLink is heard at {listens_at}"
         else:
             ports = " ".join(f"{host}:{port}" for host, port in controller_addresses(loaded))
-            what = f"{vehicles} vehicles at {speedup:g} x real time; MAVLink goes to {ports}"
+            served = f"{vehicles} vehicles at {speedup:g} x real time; MAVLink goes to {ports}"
         print(  # noqa: T201 - a parent process waits for this line
-            f"{READY} {what}, {embedded} {broker or loaded.feed.broker}; Ctrl-C ends", flush=True
+            f"{READY} {served}, {embedded} {broker or loaded.feed.broker}; Ctrl-C ends", flush=True
         )
 
     async def serve() -> None:
@@ -263,7 +259,7 @@ def sim(
         if receivers_only:
             await serve_receivers_of(
                 loaded,
-                listen=heard_at,
+                listen=listens_at,
                 seed=seed,
                 speedup=speedup,
                 broker=broker,
@@ -288,6 +284,6 @@ def _default_out(name: str) -> Path:
     return Path("flights") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
-def _finish(summary: FlightSummary, out: Path) -> None:
+def _finish(summary: swarmctl.FlightSummary, out: Path) -> None:
     print_summary(summary, out)
     raise typer.Exit(exit_codes.exit_code(summary.result))

@@ -6,7 +6,7 @@ import json
 import math
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -14,7 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from swarmctl.errors import UsageError
-from swarmctl.formation.design_report import DesignReport
+
+if TYPE_CHECKING:
+    from swarmctl.formation.design_report import DesignReport
 
 
 class ObjectiveName(StrEnum):

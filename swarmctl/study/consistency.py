@@ -165,6 +165,7 @@ def run_consistency(
             seed,
             case.process_noise,
             Engagement(rho=RHO),
+            registry.slow,
         )
         done_before = index * runs
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.study.batch_filter import Scan, Truth
 from swarmctl.study.engagement import Moment
-from swarmctl.study.filters import Scan, Truth
 from swarmctl.units import Array
 
 ECHO_M = (50.0, 300.0)

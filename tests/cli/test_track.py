@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOM = Path(__file__).parents[1] / "recordings" / "room"
+ROOM = Path(__file__).parents[1] / "datasets" / "room"
 
 
 def track(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

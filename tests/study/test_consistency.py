@@ -15,10 +15,10 @@ import pytest
 from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.study import consistency
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.campaign import FormationResult, run_campaign
 from swarmctl.study.consistency import CASES, Case, Instant, Row, Target, run_consistency
 from swarmctl.study.engagement import Engagement
-from swarmctl.study.filters import Filter
 from swarmctl.study.registry import JUDGED, Registry
 from swarmctl.study.starts import DrawnEstimate
 from swarmctl.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Figure, Tally
@@ -136,7 +136,7 @@ def test_every_case_is_flown_with_every_filter_and_its_own_noise(
     """In the paper's formation, with equal receivers; progress is told over all cases."""
     told: list[tuple[float, float]] = []
 
-    def make(noise: tuple[float, float]) -> Filter:
+    def make(noise: tuple[float, float]) -> BatchFilter:
         told.append(noise)
         return factory("iterated EKF")(noise)
 
