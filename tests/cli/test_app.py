@@ -17,6 +17,8 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 
+pytestmark = pytest.mark.live
+
 Short = Callable[..., Path]
 
 SPEEDUP = "12"
@@ -124,6 +126,7 @@ def test_the_demo_over_udp_and_the_embedded_broker(short_mission: Short, tmp_pat
     assert "/truth/EmitterTruth" in topics_of(out)
 
 
+@pytest.mark.slow
 def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto: str) -> None:
     out = tmp_path / "out"
     code, _, errors = swarmctl(
@@ -134,6 +137,7 @@ def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto
     assert summary_of(out)["result"] == "located"
 
 
+@pytest.mark.slow
 def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_path: Path) -> None:
     # The consent that the mission does not give comes with the command.
     mission = str(short_mission(swarm__set_failsafes=False))
@@ -150,6 +154,7 @@ def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_pat
     assert summary_of(out)["seed"] is None
 
 
+@pytest.mark.slow
 def test_run_at_another_speed_than_its_vehicles_is_refused(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -294,6 +299,7 @@ def test_a_vehicle_at_fault_is_named(
     assert summary_of(tmp_path / "out")["result"] in {"vehicle_silent", "arming_refused"}
 
 
+@pytest.mark.slow
 def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
     short_mission: Short, tmp_path: Path
 ) -> None:

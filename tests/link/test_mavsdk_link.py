@@ -42,6 +42,8 @@ from swarmctl.link.mavlink_link import MavlinkLink
 from tests.brokers import free_port
 from tests.link.wire import Sender, unpack
 
+pytestmark = pytest.mark.live
+
 try:
     from swarmctl.link.mavsdk_link import MavsdkLink
 except (ImportError, OSError) as error:

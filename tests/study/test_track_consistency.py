@@ -42,6 +42,7 @@ MEASURED = (
     "silence",
     "one-left",
 )
+QUICK = "silence"
 
 
 @pytest.fixture
@@ -59,7 +60,10 @@ def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> Row:
 # --- Accuracy ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", MEASURED)
+@pytest.mark.parametrize(
+    "name",
+    [name if name == QUICK else pytest.param(name, marks=pytest.mark.slow) for name in MEASURED],
+)
 @pytest.mark.usefixtures("alone")
 def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     row, case = fewer(name, monkeypatch), CASES[name]
@@ -82,6 +86,7 @@ def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.Monk
     assert len(held) == {"echoes": 5, "line": 1, "no-prior": 2}.get(name, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [None, Turn(3.0, math.pi / 2.0, 1.0)], ids=["straight", "turning"])
 @pytest.mark.usefixtures("alone")
 def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
@@ -101,6 +106,7 @@ def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
         assert measures[f"share resolved at {time_s:g} s"].figure.value == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("alone")
 def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     monkeypatch: pytest.MonkeyPatch,
@@ -118,6 +124,7 @@ def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     assert measures["share resolved at 45 s"] == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stop-slow", "turn-left-slow"])
 @pytest.mark.usefixtures("alone")
 def test_an_emitter_that_manoeuvres_is_followed(name: str) -> None:
@@ -134,6 +141,7 @@ def test_an_emitter_that_manoeuvres_is_followed(name: str) -> None:
         assert instant.nees.value < 3.0 * mean_bounds(2, runs, PROBABILITY)[1] / 2.0, instant
 
 
+@pytest.mark.slow
 def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
     """With echoes all of them are lost; without them the iterated EKF is where the tracker is.
 
@@ -159,6 +167,7 @@ def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
 # --- What is flown -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_who_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "CHUNK", 2)
     monkeypatch.setattr(
