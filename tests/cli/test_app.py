@@ -19,6 +19,8 @@ from mcap.reader import make_reader
 from swarmctl.recorder.summary import read_summary
 from tests.summaries import assert_within_limits
 
+pytestmark = pytest.mark.live
+
 Short = Callable[..., Path]
 
 SPEEDUP = "12"
@@ -96,6 +98,7 @@ def test_the_demo_over_udp_and_the_embedded_broker(short_mission: Short, tmp_pat
     assert "/truth/EmitterTruth" in topics_of(out)
 
 
+@pytest.mark.slow
 def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto: str) -> None:
     out = tmp_path / "out"
     code, _, errors = swarmctl(
@@ -106,6 +109,7 @@ def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto
     assert read_summary(out).result == "located"
 
 
+@pytest.mark.slow
 def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_path: Path) -> None:
     # The consent that the mission does not give comes with the command.
     mission = str(short_mission(swarm__set_failsafes=False))
@@ -122,6 +126,7 @@ def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_pat
     assert read_summary(out).seed is None
 
 
+@pytest.mark.slow
 def test_run_at_another_speed_than_its_vehicles_is_refused(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -266,6 +271,7 @@ def test_a_vehicle_at_fault_is_named(
     assert read_summary(tmp_path / "out").result in {"vehicle_silent", "arming_refused"}
 
 
+@pytest.mark.slow
 def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
     short_mission: Short, tmp_path: Path
 ) -> None:

@@ -16,6 +16,8 @@ from swarmctl.feed.broker import embedded_broker
 from tests.brokers import free_port
 from tests.sim.flying import ALT, LAT, LON, simulation, vehicle
 
+pytestmark = pytest.mark.live
+
 try:
     from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
     from mavsdk.asyncio.plugins.action import ActionAsync, ActionError
