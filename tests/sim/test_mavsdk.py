@@ -150,6 +150,7 @@ async def fly_mission(system: Any, mission: Any) -> None:  # noqa: ANN401 - MAVS
     assert landed.latitude_deg == pytest.approx(math.degrees(LAT), abs=0.1 * NORTH_DEG)
 
 
+@pytest.mark.slow
 async def test_mavsdk_flies_a_mission_with_px4() -> None:
     async with connected("px4") as system:
         mission = MissionAsync(system)
@@ -162,6 +163,7 @@ async def test_mavsdk_flies_a_mission_with_px4() -> None:
         assert await mission.is_mission_finished()
 
 
+@pytest.mark.slow
 async def test_mavsdk_flies_a_raw_mission_with_ardupilot() -> None:
     """Its other plugin does not know that ArduPilot's item 0 is home."""
     async with connected("ardupilot") as system:

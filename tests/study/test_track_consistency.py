@@ -177,6 +177,7 @@ def test_the_result_does_not_depend_on_who_flies_it(monkeypatch: pytest.MonkeyPa
     assert list(dict.fromkeys(row.case for row in here)) == list(cases)
 
 
+@pytest.mark.slow
 def test_in_white_noise_the_bound_is_the_constant_velocity_bound() -> None:
     """Of a case with echoes too: the bound is of receivers without them."""
     case = replace(CASES["echoes"], period_s=0.1)
