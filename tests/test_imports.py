@@ -125,6 +125,14 @@ def test_the_core_reads_no_clock_and_no_socket(path: Path) -> None:
     assert not used & (IMPURE | {"pymavlink"})
 
 
+@pytest.mark.parametrize(
+    "path", [p for p in sources() if within(module_name(p), "swarmctl.study")], ids=module_name
+)
+def test_a_study_opens_no_socket(path: Path) -> None:
+    used = {imported.split(".")[0] for imported in imports(path)}
+    assert not used & {"asyncio", "socket", "aiohttp", "aiomqtt", "amqtt", "pymavlink", "mavsdk"}
+
+
 @pytest.mark.parametrize("library", sorted(SOLE_IMPORTERS))
 def test_only_the_modules_made_for_it_import_a_protocol_library(library: str) -> None:
     importers = {
