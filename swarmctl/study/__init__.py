@@ -1,9 +1,9 @@
 """Monte Carlo studies of estimators and formations: the truth and the estimators in one room.
 
 The only room that knows both. ``swarmctl study`` runs the studies
-(``docs/how-to/study-a-filter.md``). The public names are those in ``__all__``,
-and the module ``paper_index`` is public as a whole. A name is imported when it is first asked for, because scipy and the simulator
-are slow to load.
+(``docs/how-to/study-a-filter.md``). The public names are those in ``__all__``, and the module
+``paper_index`` is public as a whole. A name is imported when it is first asked for, because
+scipy and the simulator are slow to load.
 
 Studies
     ===================== =====================================================================
