@@ -19,7 +19,7 @@ The rest of this page is the convention sheet that every room of the package kee
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/decoding`` and ``link/encoding``, the console). A name
+    at the edges (the mission file, ``link/codec``, the console). A name
     carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from swarmctl.recorder.summary import FlightSummary
     from swarmctl.results import MissionResult
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "DESIGNS",
