@@ -68,7 +68,9 @@ IMPURE = {"asyncio", "socket", "time", "datetime", "random", "threading", "aiomq
 SOLE_IMPORTERS = {
     "pymavlink": {
         "swarmctl/link/codec/framing.py",
+        "swarmctl/link/codec/answer_decoding.py",
         "swarmctl/link/codec/decoding.py",
+        "swarmctl/link/codec/telemetry_decoding.py",
         "swarmctl/link/codec/encoding.py",
         "sim/mavlink.py",
     },
