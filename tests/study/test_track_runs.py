@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.integrity.health import Status, Verdict
-from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.estimation.track.modes import Estimate
+from swarmctl.estimation.model.rows import Rows
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study import track_runs
-from swarmctl.study.track_cases import CASES, Case, Gap
+from swarmctl.study.track_cases import CASES, Gap, TrackCase
 from swarmctl.study.track_runs import JUDGED, Chunk, Tracked, fly_chunk
 
 CASE = replace(
-    CASES["clocks"], period_s=0.1, times_s=(0.2, 0.4, 12.0), gap=Gap(0.25, 0.55, 0), targets=()
+    CASES["clocks"], period_s=0.1, times_s=(0.2, 0.4, 12.0), gap=Gap(0.25, 0.55, 0), tolerances=()
 )
 EMITTER = np.array([0.0, 0.0, -14.142136, 14.142136])
 """Table 1's, at the start."""
@@ -38,15 +38,13 @@ class Scripted:
 
     def __init__(
         self,
+        name: str,
         prior: Prior,
-        errors: ReceiverErrors,
-        process_noise: Sequence[float],
-        *,
-        manoeuvre: Manoeuvre,
+        behaviour: Behaviour,
     ) -> None:
-        del prior, errors, process_noise, manoeuvre
+        del name, prior, behaviour
         self.taken: list[Rows] = []
-        self.used, self.aside = 3, 1
+        self.counts = Counts(used=3, aside=1)
         self.is_resolved = len(self.hypotheses) == 1
         self.verdict = Verdict("initialising", None, 1.0, 0.0, 0.0)
         self.made.append(self)
@@ -80,11 +78,11 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> type[Scripted]:
         made: ClassVar[list[Scripted]] = []
         statuses: Sequence[Status] = ("tracking",)
 
-    monkeypatch.setattr(track_runs, "Estimator", Mine)
+    monkeypatch.setattr(track_runs, "FILTERS", SimpleNamespace(track=Mine))
     return Mine
 
 
-def flown(case: Case = CASE) -> Tracked:
+def flown(case: TrackCase = CASE) -> Tracked:
     return fly_chunk(Chunk(case, {}, 0, 0, 2)).tracked[JUDGED]
 
 
