@@ -30,7 +30,7 @@ from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.study import iterated_ekf as ekf
+from swarmctl.study import ekf_update as ekf
 from swarmctl.units import Array
 
 PERIOD_S = 0.1

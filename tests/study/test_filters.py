@@ -21,7 +21,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
-from swarmctl.study import iterated_ekf as ekf_kernel
+from swarmctl.study import ekf_update as ekf_kernel
 from swarmctl.study import paper_filters
 from swarmctl.study.batch_filter import (
     BatchEstimate,

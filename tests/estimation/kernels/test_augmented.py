@@ -12,7 +12,7 @@ from swarmctl.estimation.kernels.augmented import innovate, linearise, update
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.model.rows import Rows
-from swarmctl.study import iterated_ekf as ekf
+from swarmctl.study import ekf_update as ekf
 from tests.estimation.receivers import PERIOD_S, REAL, WHITE, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)

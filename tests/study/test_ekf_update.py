@@ -16,7 +16,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
-from swarmctl.study import iterated_ekf as ekf
+from swarmctl.study import ekf_update as ekf
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
