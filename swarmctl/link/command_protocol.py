@@ -16,7 +16,7 @@ from typing import Literal
 
 import msgspec
 
-from swarmctl.events import CommandOutcome, Heartbeat, LandedState
+from swarmctl.events import CommandKind, CommandOutcome, Heartbeat, LandedState
 from swarmctl.link.codec.messages import CommandAck, CommandLong, DataStream
 
 ACK_TIMEOUT_S = 1.0
@@ -46,7 +46,7 @@ class Request(msgspec.Struct, frozen=True):
     """A command of the vocabulary, as the vehicle is to be asked.
 
     Attributes:
-        name: Class name of the command.
+        kind: The kind of the command.
         steps: What to send, each acknowledged before the next leaves.
         shown_by: Whether a state, heard after the last step left, shows the command done;
             None where none does.
@@ -57,7 +57,7 @@ class Request(msgspec.Struct, frozen=True):
             says. Empty where a refusal ends the request.
     """
 
-    name: str
+    kind: CommandKind
     steps: tuple[CommandLong, ...]
     shown_by: Callable[[State], bool] | None = None
     needs_state: bool = False
@@ -124,7 +124,7 @@ class Exchange:
         its outcome: over a bad radio the queue would grow faster than it is worked off.
         """
         under_way = () if self._stage is _Stage.NOTHING else (self._request,)
-        alike = [r for r in (*under_way, *self._queue) if r.name == request.name]
+        alike = [r for r in (*under_way, *self._queue) if r.kind is request.kind]
         if alike and alike[-1].steps == request.steps:
             return
         self._queue.append(request)
@@ -322,7 +322,7 @@ class Exchange:
             CommandOutcome(
                 received_s=now,
                 sysid=self._sysid,
-                command=self._request.name,
+                command=self._request.kind,
                 result=result,
                 detail=detail,
             )
