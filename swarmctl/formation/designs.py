@@ -2,7 +2,8 @@
 
 A design is an array of shape (N, 2), one row (theta rad, d m) per companion: theta from the
 LOS counter-clockwise, d the distance from the reference UAV. Every design keeps d within
-``max_slot_distance_m`` and ``separation_m`` between any two slots and between a slot and the reference.
+``max_slot_distance_m``, and ``separation_m`` between any two slots and between a slot and the
+reference.
 
 The information of a companion depends on nothing but the bearing from its slot to the emitter.
 So a slot on the axis of the LOS is worth the same behind the reference as ahead of it, at any
@@ -233,7 +234,7 @@ def _fitting(requirements: Requirements, designs: list[Array]) -> Array:
 
 
 def _rings(requirements: Requirements) -> tuple[Array, Array]:
-    """Radii of rings a separation apart, from the outermost inwards, and the angle between neighbours."""
+    """Radii of rings a separation apart, outermost first, and the angles between neighbours."""
     d, separation = requirements.max_slot_distance_m, requirements.separation_m
     count = min(math.floor(d / separation * (1.0 + SLACK)), requirements.companions)
     radii = d - separation * np.arange(count)
@@ -307,6 +308,6 @@ def _wrapped(design: NDArray[np.floating]) -> Array:
 def _does_not_fit(requirements: Requirements, how: str) -> FormationError:
     return FormationError(
         f"{requirements.companions} companions {how}, {requirements.separation_m:g} m apart and"
-        f" from the reference, do not fit within {requirements.max_slot_distance_m:g} m of it. Raise"
-        " limits.d_max_m, lower limits.min_separation_m or fly fewer vehicles."
+        f" from the reference, do not fit within {requirements.max_slot_distance_m:g} m of it."
+        " Raise limits.d_max_m, lower limits.min_separation_m or fly fewer vehicles."
     )

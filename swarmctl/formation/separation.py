@@ -31,11 +31,11 @@ velocity need not be good for the pair.
 so much. What is certain is braking: *if from now on every vehicle braked to rest along its own
 course, no pair would come nearer than D*. That property is kept: the bent velocities are planned
 only if it holds after them, evaluated by the same sums as the plan itself. Where it fails for a
-pair, the vehicle that helps more mixes in braking, step by step, until it holds. All braking is what
-the period before has shown to be good, so the search ends: by induction the plan never comes nearer
-than D, if it began at rest and apart. A pair that is nearer already (one just taken in again, say)
-comes no nearer than by braking. Between two periods a pair with relative speed w may be nearer by
-(w dt)^2 / 8D.
+pair, the vehicle that helps more mixes in braking, step by step, until it holds. All braking is
+what the period before has shown to be good, so the search ends: by induction the plan never comes
+nearer than D, if it began at rest and apart. A pair that is nearer already (one just taken in
+again, say) comes no nearer than by braking. Between two periods a pair with relative speed w may be
+nearer by (w dt)^2 / 8D.
 """
 
 from __future__ import annotations
