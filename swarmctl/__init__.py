@@ -9,7 +9,8 @@ Flying
     ``fly``, ``simulated``, ``fly_in_memory``, ``load_mission``, ``Mission``, ``FlightSummary``,
     ``MissionResult``.
 Estimating
-    ``Track``, ``Prior``, ``ReceiverErrors``, ``Rows``, ``Estimate``: the track of one emitter.
+    ``FILTERS`` makes a ``Track`` of one emitter from a ``Prior`` and a ``Behaviour``, with its
+    ``ReceiverErrors``; ``Rows`` go in, an ``Estimate`` comes out.
 Formations
     ``DESIGNS``, ``Requirements``, ``Noise``, ``objective_named``.
 Errors
@@ -60,11 +61,13 @@ if TYPE_CHECKING:
         SwarmError,
         UsageError,
     )
-    from swarmctl.estimation.kernels.augmented import Rows
+    from swarmctl.estimation.estimate import Estimate
+    from swarmctl.estimation.filters import FILTERS
     from swarmctl.estimation.model.prior import Prior
     from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-    from swarmctl.estimation.track.modes import Estimate
-    from swarmctl.estimation.track.track import Estimator as Track
+    from swarmctl.estimation.model.rows import Rows
+    from swarmctl.estimation.track.behaviour import Behaviour
+    from swarmctl.estimation.track.track import Track
     from swarmctl.formation.design_report import objective_named
     from swarmctl.formation.designs import DESIGNS
     from swarmctl.formation.requirements import Noise, Requirements
@@ -80,7 +83,9 @@ __version__ = "0.2.0"
 
 __all__ = [
     "DESIGNS",
+    "FILTERS",
     "AbandonedError",
+    "Behaviour",
     "Estimate",
     "EstimationError",
     "FeedError",
@@ -115,10 +120,12 @@ _HOMES = {
         "SwarmError",
         "UsageError",
     ),
-    "swarmctl.estimation.kernels.augmented": ("Rows",),
+    "swarmctl.estimation.estimate": ("Estimate",),
+    "swarmctl.estimation.filters": ("FILTERS",),
     "swarmctl.estimation.model.prior": ("Prior",),
     "swarmctl.estimation.model.receiver_errors": ("ReceiverErrors",),
-    "swarmctl.estimation.track.modes": ("Estimate",),
+    "swarmctl.estimation.model.rows": ("Rows",),
+    "swarmctl.estimation.track.behaviour": ("Behaviour",),
     "swarmctl.estimation.track.track": ("Track",),
     "swarmctl.formation.designs": ("DESIGNS",),
     "swarmctl.formation.design_report": ("objective_named",),
@@ -139,7 +146,7 @@ if not TYPE_CHECKING:  # a type checker would take it for a module with any attr
     def __getattr__(name: str) -> object:
         for module, names in _HOMES.items():
             if name in names:
-                value = getattr(import_module(module), "Estimator" if name == "Track" else name)
+                value = getattr(import_module(module), name)
                 globals()[name] = value
                 return value
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

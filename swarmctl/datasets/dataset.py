@@ -18,7 +18,7 @@ import numpy as np
 
 from swarmctl.datasets.csv_tables import Line, lines
 from swarmctl.errors import UsageError
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array
 
 _POSITION = ("east_m", "north_m", "up_m")

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from swarmctl.datasets.dataset import LARGEST_RHO, Epoch, Receivers, rows_of
-from swarmctl.datasets.plain_ekf import PlainEkf
 from swarmctl.errors import EstimationError, UsageError
+from swarmctl.estimation.filters import FILTERS, Filters
 from swarmctl.estimation.integrity.gate import GATE
 from swarmctl.estimation.integrity.health import Verdict
-from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.modes import Estimate
-from swarmctl.estimation.track.track import Estimator
+from swarmctl.estimation.model.rows import Rows
+from swarmctl.estimation.track.behaviour import Behaviour
+from swarmctl.estimation.track.track import Track
 from swarmctl.units import Array
 
 _APERTURES = 2.0
@@ -116,34 +116,10 @@ class Settings:
         return 3 if self.height_m is None else 2
 
     @property
-    def psd(self) -> tuple[float, float, float]:
-        """Process noise of the three axes."""
-        return self.process_noise, self.process_noise, self.process_noise * (self.dof == 3)
-
-
-class Filter(Protocol):
-    """What tracks: :class:`~swarmctl.estimation.track.track.Estimator` and what is like it."""
-
-    verdict: Verdict
-    used: int
-    aside: int
-    repeated: int
-
-    def update(self, rows: Rows) -> bool:
-        """Take the rows of an epoch; is there an estimate?"""
-
-    def estimates(self) -> list[Estimate]:
-        """What is known, the most probable first."""
-
-    def restart(self, prior: Prior) -> None:
-        """Begin again."""
-
-
-FILTERS: dict[str, Callable[[Prior, Settings], Filter]] = {
-    "tracker": lambda prior, settings: Estimator(prior, settings.errors, settings.psd, gate=_GATE),
-    "ekf": lambda prior, settings: PlainEkf(prior, settings.psd, gate=_GATE),
-}
-"""What can track, by name."""
+    def behaviour(self) -> Behaviour:
+        """How emitter and receivers are taken to behave."""
+        level, upward = self.process_noise, self.process_noise * (self.dof == 3)
+        return Behaviour((level, level, upward), self.errors)
 
 
 class Step(NamedTuple):
@@ -206,25 +182,29 @@ def prior_of(settings: Settings, receivers_at: Array) -> Prior:
 
 
 def track(
-    name: str, settings: Settings, receivers: Receivers, epochs: Iterable[Epoch], counts: Counts
+    name: str,
+    settings: Settings,
+    receivers: Receivers,
+    epochs: Iterable[Epoch],
+    counts: Counts,
+    filters: Filters = FILTERS,
 ) -> Iterator[Step]:
     """Track the emitter through a recording.
 
     A track that has diverged is begun again, with no prior but the receivers' middle.
 
     Args:
-        name: One of :data:`FILTERS`.
+        name: One of the filters'.
         settings: What is assumed.
         receivers: Who measured.
         epochs: What, in the order of time; read as they are needed.
         counts: Kept up to date.
+        filters: What there is to choose from.
 
     Raises:
         UsageError: There is no such filter.
     """
-    if name not in FILTERS:
-        raise UsageError(f"There is no filter {name!r}; there are {', '.join(FILTERS)}.")
-    found: Filter | None = None
+    found: Track | None = None
     anywhere: Prior | None = None
     for epoch in epochs:
         rows, unplaced = rows_of(epoch, receivers, settings.rho)
@@ -235,7 +215,7 @@ def track(
         if found is None or anywhere is None:
             places = [path.at(epoch.epoch_s) for path in receivers.paths]
             at = np.stack([place for place in places if place is not None])
-            found = FILTERS[name](prior_of(settings, at), settings)
+            found = filters.track(name, prior_of(settings, at), settings.behaviour, gate=_GATE)
             anywhere = prior_of(
                 Settings(speed_mps=settings.speed_mps, height_m=settings.height_m), at
             )
@@ -248,7 +228,7 @@ def track(
             best, failed = None, True
         else:
             failed = found.verdict.status == "diverged"
-        counts.used, counts.aside, counts.repeated = found.used, found.aside, found.repeated
+        counts.used, counts.aside, counts.repeated, _ = found.counts
         yield Step(
             epoch.epoch_s,
             None if best is None else best.x,

@@ -240,7 +240,7 @@ def what_vehicles_do(station: Station) -> str:
             known = vehicle.known_parameters
             does = personality.after_controller_stops(beat.mode, beat.armed, known)
         lines.append(f"  vehicle {vehicle.sysid} ({beat.mode_name}{where}) {does}.")
-    lines += [f"  set back yourself: {text}." for text in station.controller.changed_settings]
+    lines += [f"  set back yourself: {text}." for text in station.controller.unrestored_parameters]
     return "\n".join(lines)
 
 
