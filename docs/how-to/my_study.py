@@ -4,9 +4,15 @@ from math import pi
 
 import numpy as np
 
-from swarmctl.study.batch_filter import BatchEstimate, Belief, RelativePrior, Scan
-from swarmctl.study.filters import iterated_ekf, ncrkf
-from swarmctl.study.registry import Registry
+from swarmctl.study import (
+    BatchEstimate,
+    Belief,
+    Registry,
+    RelativePrior,
+    Scan,
+    iterated_ekf,
+    ncrkf,
+)
 
 
 class Uncorrelated:

@@ -19,8 +19,8 @@ from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
+from swarmctl.ops.mission_signing import signing
 from swarmctl.ops.recording import Recording
-from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
 from swarmctl.ops.transports import EndpointTransport, MavsdkTransport, Transport
 from swarmctl.ops.vehicle_links import mavsdk_link, native_link, station_addresses

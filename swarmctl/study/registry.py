@@ -18,7 +18,7 @@ import numpy as np
 
 from swarmctl.errors import SwarmError, UsageError
 from swarmctl.study.batch_filter import BatchFilter
-from swarmctl.study.filterpy_ekf import filterpy_ekf
+from swarmctl.study.filterpy_filter import filterpy_ekf
 from swarmctl.study.filters import ekf, iterated_ekf, ncrkf, okf
 from swarmctl.units import Array
 

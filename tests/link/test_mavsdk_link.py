@@ -37,11 +37,13 @@ from swarmctl.events import (
     ParameterValue,
     StatusText,
 )
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.mavsdk_link import MavsdkLink
 from tests.brokers import free_port
 from tests.link.wire import Sender, unpack
+
+pytestmark = pytest.mark.live
 
 GCS = 245
 SYSIDS = range(1, 9)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from swarmctl.decisions import Notice
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.ops.live import fly
 from tests.brokers import Embedded, free_port
@@ -18,6 +18,8 @@ from tests.link.endpoints.test_stream import Server
 from tests.link.endpoints.test_udp import LOOPBACK, Inbox
 from tests.link.test_signing import KEY, receiver
 from tests.link.wire import Sender, unpack
+
+pytestmark = pytest.mark.live
 
 Short = Callable[..., Path]
 

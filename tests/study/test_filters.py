@@ -32,7 +32,7 @@ from swarmctl.study.batch_filter import (
     Truth,
 )
 from swarmctl.study.filter_coordinates import CoordinatesName
-from swarmctl.study.filterpy_ekf import filterpy_ekf
+from swarmctl.study.filterpy_filter import filterpy_ekf
 from swarmctl.study.filters import ekf, iterated_ekf, ncrkf, okf
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1

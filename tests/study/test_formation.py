@@ -10,12 +10,14 @@ import pytest
 from swarmctl.errors import MissionFileError, UsageError
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.study import formation
-from swarmctl.study.formation import Flight, fly_mission, mission_text, run_formation
+from swarmctl.study.formation import MissionOutcome, fly_mission, mission_text, run_formation
 
 
 def made_up(monkeypatch: pytest.MonkeyPatch, times: dict[str, list[float]]) -> list[formation.Cell]:
     """What the study makes of given times to converge; every error is 3 m."""
-    monkeypatch.setattr(formation, "fly_mission", lambda work: Flight(times[work[0]][work[2]], 3.0))
+    monkeypatch.setattr(
+        formation, "fly_mission", lambda work: MissionOutcome(times[work[0]][work[2]], 3.0)
+    )
     runs = len(next(iter(times.values())))
     # The names must be ones a mission file knows.
     return run_formation(runs=runs, designs=tuple(times), companions=(3,))
@@ -63,6 +65,7 @@ def test_every_number_of_companions_is_a_mission(companions: int) -> None:
     assert mission.formation.design == "optimal"
 
 
+@pytest.mark.slow
 def test_a_flight_ends_when_it_has_converged_and_a_seed_repeats_it() -> None:
     flight = fly_mission(("optimal", 3, 5))
     assert 0.0 < flight.converged_s < 120.0
@@ -71,6 +74,7 @@ def test_a_flight_ends_when_it_has_converged_and_a_seed_repeats_it() -> None:
     assert fly_mission(("optimal", 3, 5)) == flight
 
 
+@pytest.mark.slow
 def test_the_optimal_formation_of_four_is_sooner_than_the_paper_s() -> None:
     """By the Cramér-Rao bound about 26 against 40 s; a handful of missions shows that much."""
     cells = {

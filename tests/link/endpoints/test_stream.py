@@ -11,13 +11,15 @@ import tty
 import pytest
 
 from swarmctl.errors import LinkError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints import stream
 from swarmctl.link.endpoints.stream import open_stream
 from swarmctl.link.endpoints.url import EndpointUrl
 from tests.brokers import free_port
 from tests.link.endpoints.test_udp import Inbox, ignore
 from tests.link.wire import Sender
+
+pytestmark = pytest.mark.live
 
 
 class Server:

@@ -8,9 +8,11 @@ import socket
 import pytest
 
 from swarmctl.errors import LinkError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl
+
+pytestmark = pytest.mark.live
 
 LOOPBACK = EndpointUrl("udpin", "127.0.0.1", 0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.study.batch_filter import RelativePrior, Scan, Truth
-from swarmctl.study.filterpy_ekf import filterpy_ekf
+from swarmctl.study.filterpy_filter import filterpy_ekf
 
 
 def test_a_run_that_fails_leaves_the_others_alone() -> None:

@@ -16,7 +16,7 @@ from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.in_memory import UTC_START_S as UTC_S
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.live import fly
-from swarmctl.ops.signing import signing
+from swarmctl.ops.mission_signing import signing
 from swarmctl.ops.simulation import simulated
 from tests.link.test_signing import KEY
 from tests.ops.test_sitl import BRIEF
@@ -57,6 +57,8 @@ def test_a_mission_with_a_key_flies_in_memory(signed_mission: Short, tmp_path: P
     assert not (tmp_path / "swarm.key.timestamp").exists()
 
 
+@pytest.mark.live
+@pytest.mark.slow
 async def test_a_mission_with_a_key_flies_over_udp(signed_mission: Short, tmp_path: Path) -> None:
     mission = signed_mission()
     async with simulated(mission, speedup=SPEEDUP):
