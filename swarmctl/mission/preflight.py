@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTelemetry, UploadFence
-from swarmctl.events import CommandOutcome
+from swarmctl.events import CommandKind, CommandOutcome
 from swarmctl.formation.separation import least_distances
 from swarmctl.mission.failsafes.session import FailsafeSession
 from swarmctl.mission.failure import Failure
@@ -302,7 +302,7 @@ class Preflight:
 
     def outcome(self, event: CommandOutcome) -> None:
         """Take the end of a command's exchange."""
-        if event.command == "UploadFence":
+        if event.command is CommandKind.UPLOAD_FENCE:
             self._fence[event.sysid] = event
 
     def _is_fenced(self, vehicle: VehicleState) -> bool:
