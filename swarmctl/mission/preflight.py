@@ -42,8 +42,8 @@ CLOCK_TOLERANCE = 0.2
 def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
     """Seconds of vehicle time in one second of the controller's.
 
-    Of its two times, UTC and time since boot, the one that is further off counts: the first
-    dates its positions, the second is the time that it flies in.
+    A vehicle has two times, UTC and time since boot; the one that is further off counts. The
+    first dates its positions, the second is the time that it flies in.
 
     Args:
         vehicle: The vehicle.
