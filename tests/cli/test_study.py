@@ -110,7 +110,7 @@ def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
 def test_the_health_of_the_track_is_a_table_or_json(tmp_path: Path) -> None:
     shown = study("health", "--runs", "2", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
-    for word in ("fault", "false/h", "a clock jumps by 100 ns", "within tolerance"):
+    for word in ("fault", "false/h", "a clock jumps by 100 ns", "tolerance"):
         assert word in shown.stdout
     done = study("health", "--runs", "2", "--seed", "1", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
