@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 from swarmctl.commands import Command, GoTo
 from swarmctl.link.channels import SILENT_LINK_S, Channels
@@ -11,26 +12,28 @@ from swarmctl.link.codec import decoding
 from swarmctl.link.codec.framing import split
 from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, Address, DataStream, Fault, Frame
 from swarmctl.link.command_protocol import Attempt
+from swarmctl.link.datagram_port import DatagramPort
 from swarmctl.link.forwarding import Forwarder
+from swarmctl.link.link_base import LinkBase
 from swarmctl.link.parameter_protocol import ReadPacket, SetPacket
 from swarmctl.link.roster import AddressedVehicle, Roster
 from swarmctl.link.signing import Signing
 from swarmctl.link.vehicle import Packet
-from swarmctl.link.vehicle_link import Backend
 
 
-class MavlinkLink(Backend[AddressedVehicle]):
+class _Datagram(NamedTuple):
+    """A datagram, where it came from and when, monotonic s."""
+
+    data: bytes
+    address: Address
+    now: float
+
+
+class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
     """MAVLink with every vehicle of a swarm, however many share a port.
 
-    The caller hands in every datagram, and after any call drains :meth:`datagrams` and
-    :meth:`traffic`, too.
-
-    Vehicles are told apart by system id. A vehicle exists from the first HEARTBEAT of its
-    autopilot component on; it is answered where it was last heard from.
-
-    An endpoint that listens (``udpin``) needs no word here. One that calls (``udpout``, TCP, a
-    serial line) is announced by :meth:`open`: it gets our heartbeat before anybody was heard
-    there, for nobody may know of us.
+    Vehicles are told apart by system id. A vehicle is met with the first HEARTBEAT of its
+    autopilot component, and is answered where it was last heard.
 
     Args:
         gcs_sysid: Our own system id; messages that carry it are nobody's.
@@ -41,7 +44,7 @@ class MavlinkLink(Backend[AddressedVehicle]):
             UTC.
 
     Attributes:
-        messages_in: Sound and believed frames received on the vehicles' side, from whomever.
+        messages_in: Sound and trusted frames received on the vehicles' side, from any sender.
     """
 
     def __init__(
@@ -63,69 +66,97 @@ class MavlinkLink(Backend[AddressedVehicle]):
         self._datagrams: list[tuple[bytes, Address]] = []
         self._traffic: list[tuple[float, bytes]] = []
 
-    # --- In and out --------------------------------------------------------------------
+    # --- What arrives: split, trust, route, locate, decode -------------------------------
 
     def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
-        """Take a datagram that came from an address."""
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
+        datagram = _Datagram(data, address, now)
+        for frame in self._split(datagram):
+            if self._trust(frame, datagram) and self._route(frame, datagram):
+                vehicle = self._locate(frame, datagram)
+                if vehicle is not None:
+                    self._decode(frame, vehicle, datagram)
+
+    def _split(self, datagram: _Datagram) -> list[Frame]:
+        """The whole frames of a datagram; unusable bytes are reported."""
         if self._signing is not None:
-            self._signing.advance(now)
-        frames, faults = split(data)
+            self._signing.advance(datagram.now)
+        frames, faults = split(datagram.data)
         for fault in faults:
-            self._reject_bytes(fault, data, address, now)
+            self._reject_bytes(fault, datagram)
+        return frames
+
+    def _trust(self, frame: Frame, datagram: _Datagram) -> bool:
+        """Whether the signature is right, where signatures are asked for.
+
+        A frame of another ground station is only passed on: its vehicle checks it.
+        """
+        if self._is_station(datagram.address):
+            return True
+        fault = self._signing.check(frame) if self._signing is not None else None
+        if fault is not None:
+            self._reject_bytes(fault, datagram)
+            return False
+        self.messages_in += 1
+        self._traffic.append((datagram.now, frame.raw))
+        self._channels.heard(datagram.address)
+        return True
+
+    def _route(self, frame: Frame, datagram: _Datagram) -> bool:
+        """Whether an autopilot sent the frame; what others send is passed on at most."""
+        _, address, now = datagram
         if self._forwarder is not None and self._forwarder.is_station(address):
-            for frame in frames:
-                self._pass_to_vehicles(frame, self._forwarder, address, now)
-            return
-        for frame in frames:
-            unbelieved = self._signing.check(frame) if self._signing is not None else None
-            if unbelieved is not None:
-                self._reject_bytes(unbelieved, data, address, now)
-                continue
-            self.messages_in += 1
-            self._traffic.append((now, frame.raw))
-            self._channels.heard(address)
-            if frame.sysid == self._gcs_sysid:
-                continue
+            self._pass_to_vehicles(frame, self._forwarder, address, now)
+            return False
+        if frame.sysid == self._gcs_sysid:
+            return False
+        if frame.compid != AUTOPILOT_COMPONENT:
             vehicle = self._vehicles.get(frame.sysid)
-            if frame.compid != AUTOPILOT_COMPONENT:
-                if vehicle is None or vehicle.address == address:
-                    self._pass_to_stations(frame, address)
-                continue
-            vehicle = vehicle or self._meet(frame, address, now)
+            if vehicle is None or vehicle.address == address:
+                self._pass_to_stations(frame, address)
+            return False
+        return True
+
+    def _locate(self, frame: Frame, datagram: _Datagram) -> AddressedVehicle | None:
+        """The vehicle that sent the frame, if it may speak from there; then it is passed on.
+
+        A HEARTBEAT may make a new vehicle: our heartbeat is sent from now on. A frame of a
+        system that is none of our vehicles is passed on, too.
+        """
+        _, address, now = datagram
+        vehicle = self._vehicles.get(frame.sysid)
+        if vehicle is None:
+            vehicle = self._roster.meet(frame, address, now)
             if vehicle is None:
                 self._pass_to_stations(frame, address)
-            elif self._roster.is_where(vehicle, address, now):
-                self._pass_to_stations(frame, address)
-                self._hear(frame, vehicle, data, now)
-
-    def _hear(self, frame: Frame, vehicle: AddressedVehicle, data: bytes, now: float) -> None:
-        """Take a frame from a vehicle of the swarm."""
-        vehicle.statistics.count(frame.seq)
-        vehicle.encoder.hear(frame)
-        fact = decoding.read(frame, now)
-        if isinstance(fact, Fault):
-            self._reject_bytes(fact, data, vehicle.address, now)
-        elif fact is not None:
-            self._take(fact, vehicle, now)
-
-    def _meet(self, frame: Frame, address: Address, now: float) -> AddressedVehicle | None:
-        """A new vehicle, if this frame makes one: from now on it gets our heartbeat."""
-        vehicle = self._roster.meet(frame, address, now)
-        if vehicle is not None and self._next_period_s == math.inf:
-            self._begin(now)
+                return None
+            if self._next_period_s == math.inf:
+                self._begin(now)
+        if not self._roster.is_where(vehicle, address, now):
+            return None
+        self._pass_to_stations(frame, address)
         return vehicle
 
-    def _has_asked(self, vehicle: AddressedVehicle, asked_ns: int, now: float) -> bool:
-        return self._channels.has_asked(vehicle.address, asked_ns)
+    def _decode(self, frame: Frame, vehicle: AddressedVehicle, datagram: _Datagram) -> None:
+        """Count the frame and take what it says."""
+        vehicle.statistics.count(frame.seq)
+        vehicle.encoder.hear(frame)
+        fact = decoding.read(frame, datagram.now)
+        if isinstance(fact, Fault):
+            self._reject_bytes(fact, datagram)
+        elif fact is not None:
+            self._take(fact, vehicle, datagram.now)
+
+    # --- Commands and timer --------------------------------------------------------------
 
     def send(self, command: Command, now: float) -> None:
-        """See :class:`Backend`."""
+        """See :class:`swarmctl.link.vehicle_link.VehicleLink`."""
         if self._signing is not None:
             self._signing.advance(now)
         super().send(command, now)
 
     def handle_timer(self, now: float) -> None:
-        """See :class:`Backend`."""
+        """See :class:`swarmctl.link.vehicle_link.VehicleLink`."""
         if self._signing is not None:
             self._signing.advance(now)
         super().handle_timer(now)
@@ -137,34 +168,32 @@ class MavlinkLink(Backend[AddressedVehicle]):
         for url in self._channels.silent(now):
             self._name_silence(url, now)
 
-    # --- Endpoints ---------------------------------------------------------------------
+    def _has_asked(self, vehicle: AddressedVehicle, asked_ns: int, now: float) -> bool:
+        return self._channels.has_asked(vehicle.address, asked_ns)
+
+    # --- Endpoints -----------------------------------------------------------------------
 
     def listen(self, urls: Sequence[str], now: float) -> None:
-        """Endpoints were opened: one on which nothing is heard is named once.
-
-        Args:
-            urls: Their URLs; the place of each is the ``endpoint`` of its addresses.
-            now: Monotonic time, s.
-        """
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
         self._channels.listen(urls, now)
         self._begin(now)
 
     def open(self, address: Address, now: float) -> None:
-        """An endpoint that calls has a connection: it gets our heartbeat from now on."""
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
         self._channels.call(address)
         self._begin(now)
 
     def close(self, address: Address) -> None:
-        """A connection was lost."""
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
         self._channels.hang_up(address)
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
-        """Drain what is to be sent, and where to."""
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
         datagrams, self._datagrams = self._datagrams, []
         return datagrams
 
     def traffic(self) -> list[tuple[float, bytes]]:
-        """Drain every sound frame that came in or went out, with its time, for the tlog."""
+        """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
         traffic, self._traffic = self._traffic, []
         return traffic
 
@@ -173,7 +202,10 @@ class MavlinkLink(Backend[AddressedVehicle]):
         """Where each vehicle known by its system id was last heard from."""
         return {sysid: vehicle.address for sysid, vehicle in self._vehicles.items()}
 
-    # --- Other stations ----------------------------------------------------------------
+    # --- Other stations ------------------------------------------------------------------
+
+    def _is_station(self, address: Address) -> bool:
+        return self._forwarder is not None and self._forwarder.is_station(address)
 
     def _pass_to_stations(self, frame: Frame, address: Address) -> None:
         if self._forwarder is not None:
@@ -204,7 +236,8 @@ class MavlinkLink(Backend[AddressedVehicle]):
 
     # --- What is refused ------------------------------------------------------------------
 
-    def _reject_bytes(self, fault: Fault, data: bytes, address: Address, now: float) -> None:
+    def _reject_bytes(self, fault: Fault, datagram: _Datagram) -> None:
+        data, address, now = datagram
         detail = f"{fault.detail}, in a datagram of {len(data)} bytes from {address}."
         self._reject(fault.kind, detail, now)
 
@@ -220,13 +253,13 @@ class MavlinkLink(Backend[AddressedVehicle]):
 
     # --- What is said ------------------------------------------------------------------
 
-    def _set_point(self, goto: GoTo, vehicle: AddressedVehicle, now: float) -> bool:
+    def _send_setpoint(self, goto: GoTo, vehicle: AddressedVehicle, now: float) -> bool:
         frame = vehicle.encoder.setpoint(goto, now)
         if frame is not None:
             self._transmit(frame, vehicle.address, now)
         return frame is not None
 
-    def _tell(self, packet: Packet, vehicle: AddressedVehicle, now: float) -> None:
+    def _send_packet(self, packet: Packet, vehicle: AddressedVehicle, now: float) -> None:
         encoder, sysid = vehicle.encoder, vehicle.sysid
         match packet:
             case Attempt():

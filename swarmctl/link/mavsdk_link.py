@@ -29,10 +29,10 @@ from swarmctl.link import mavsdk_messages as messages
 from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, CommandLong, DataStream, Fault
 from swarmctl.link.command_protocol import Attempt
 from swarmctl.link.endpoints.url import parse_url
+from swarmctl.link.link_base import PERIOD_S, LinkBase
 from swarmctl.link.parameter_protocol import ReadPacket, SetPacket
 from swarmctl.link.vehicle import Packet, Vehicle
 from swarmctl.link.vehicle_clock import BootClock
-from swarmctl.link.vehicle_link import PERIOD_S, Backend
 
 
 class _Vehicle(Vehicle):
@@ -43,8 +43,8 @@ class _Vehicle(Vehicle):
         self.direct = direct
 
 
-class MavsdkLink(Backend[_Vehicle]):
-    """The vehicles of a swarm by MAVSDK; a context manager that closes its connections.
+class MavsdkLink(LinkBase[_Vehicle]):
+    """The vehicles of a swarm by MAVSDK; :meth:`close` ends its connections.
 
     MAVSDK tells neither addresses nor sequence numbers, so two vehicles with the same system id
     are told apart only by their hardware ids, and losses are not counted. Nor is a fence uploaded.
@@ -92,16 +92,14 @@ class MavsdkLink(Backend[_Vehicle]):
                     f"MAVSDK cannot open {url} ({error}): is the port in use, is the device there?"
                 ) from error
 
-    def __enter__(self) -> MavsdkLink:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close the connections; the link is of no use afterwards."""
         self._mavsdk.destroy()
 
     # --- In and out --------------------------------------------------------------------
 
     def send(self, command: Command, now: float) -> None:
-        """See :class:`Backend`."""
+        """See :class:`swarmctl.link.vehicle_link.VehicleLink`."""
         if isinstance(command, UploadFence):
             self._end(command, "refused", "no fence is uploaded by MAVSDK here", now)
         else:
@@ -173,11 +171,11 @@ class MavsdkLink(Backend[_Vehicle]):
             self._transmit(vehicle, "HEARTBEAT", messages.HEARTBEAT)
             self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
 
-    def _set_point(self, goto: GoTo, vehicle: _Vehicle, now: float) -> bool:
+    def _send_setpoint(self, goto: GoTo, vehicle: _Vehicle, now: float) -> bool:
         name = "SET_POSITION_TARGET_GLOBAL_INT"
         return self._transmit(vehicle, name, messages.setpoint(goto, now))
 
-    def _tell(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
+    def _send_packet(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
         sysid = vehicle.sysid
         match packet:
             case Attempt(command=DataStream() as stream):

@@ -1,219 +1,53 @@
-"""What a station needs of the vehicles' link, and what is the same whoever speaks MAVLink.
+"""The vehicles of a swarm as a station sees them: observations in, commands out, one timer.
 
-Underneath are :class:`swarmctl.link.mavlink_link.MavlinkLink`, which is handed bytes and hands
-bytes back, and :class:`swarmctl.link.mavsdk_link.MavsdkLink`, where MAVSDK does that.
+:class:`swarmctl.link.mavlink_link.MavlinkLink` speaks MAVLink itself;
+:class:`swarmctl.link.mavsdk_link.MavsdkLink` lets MAVSDK do so. What they share is in
+:mod:`swarmctl.link.link_base`.
 """
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
 from collections import Counter
-from typing import Generic, Literal, TypeVar
+from typing import Protocol
 
-from swarmctl.commands import (
-    Command,
-    GoTo,
-    ReadParameter,
-    RequestVersion,
-    UploadFence,
-    WriteParameter,
-)
-from swarmctl.events import CommandOutcome, InputRejected, Observation, VehicleVersion
-from swarmctl.link.codec.messages import CommandAck, Fact, FenceFact, TimeSyncAnswer
-from swarmctl.link.parameter_protocol import unread
-from swarmctl.link.vehicle import Packet, Vehicle
-
-PERIOD_S = 1.0
-"""Between our own heartbeats, and between two reports of link quality."""
-
-VehicleType = TypeVar("VehicleType", bound=Vehicle)
+from swarmctl.commands import Command
+from swarmctl.events import Observation
 
 
-class Backend(ABC, Generic[VehicleType]):
+class VehicleLink(Protocol):
     """The vehicles of a swarm as observations and commands.
 
-    The caller calls :meth:`handle_timer` when :meth:`next_timer` is due, and after any call drains
-    :meth:`events`. All times are monotonic seconds and must not run backwards.
-
-    Args:
-        gcs_sysid: Our own system id.
+    The caller calls :meth:`handle_timer` when :meth:`next_timer` is due, and drains
+    :meth:`events` after every call. All times are monotonic seconds and must not run backwards.
 
     Attributes:
-        messages_in: Messages taken from the vehicles.
+        messages_in: Messages received from the vehicles.
         setpoints_out: Setpoints sent.
-        setpoints_dropped: Setpoints not sent: the vehicle is unknown, of an unknown kind or
-            another, or a field is not finite or no place on Earth.
-        rejected: How often each kind of fault was met; the first of each kind was named in an
-            InputRejected.
+        setpoints_dropped: Setpoints not sent: the vehicle is unknown, is of an unknown kind or
+            is not the vehicle it was, or a field is not finite or is no place on Earth.
+        rejected: How often each kind of fault was met. An InputRejected names the first of each
+            kind.
     """
 
-    def __init__(self, gcs_sysid: int) -> None:
-        self._gcs_sysid = gcs_sysid
-        self._vehicles: dict[int, VehicleType] = {}
-        self._events: list[Observation] = []
-        self._next_period_s = math.inf
-        self.messages_in = 0
-        self.setpoints_out = 0
-        self.setpoints_dropped = 0
-        self.rejected: Counter[str] = Counter()
-
-    # --- What a backend fills in -------------------------------------------------------
-
-    @abstractmethod
-    def _every_period(self, now: float) -> None:
-        """Send our heartbeats and questions."""
-
-    @abstractmethod
-    def _has_asked(self, vehicle: VehicleType, asked_ns: int, now: float) -> bool:
-        """Whether a TIMESYNC answers a question of ours: other stations ask, too."""
-
-    @abstractmethod
-    def _set_point(self, goto: GoTo, vehicle: VehicleType, now: float) -> bool:
-        """Send a setpoint, if it can be sent; returns whether it was."""
-
-    @abstractmethod
-    def _tell(self, packet: Packet, vehicle: VehicleType, now: float) -> None:
-        """Send a packet; whoever waits for its answer asks again if it cannot be sent."""
-
-    # --- In and out --------------------------------------------------------------------
+    messages_in: int
+    setpoints_out: int
+    setpoints_dropped: int
+    rejected: Counter[str]
 
     def send(self, command: Command, now: float) -> None:
-        """Send a command, or queue it behind those its vehicle has not acknowledged yet.
+        """Send a command, or queue it behind those that its vehicle has not acknowledged yet.
 
-        Each command ends in one CommandOutcome (one that only repeats a command which still
-        waits, or is under way, shares its outcome), but for ReadParameter and WriteParameter,
-        which end in a ParameterValue, and GoTo, which leaves at once, or not at all: then it is
-        counted in ``setpoints_dropped``.
+        Every command ends in one CommandOutcome, with three exceptions. A command that repeats
+        one which still waits or is under way shares its outcome. ReadParameter and
+        WriteParameter end in a ParameterValue. GoTo leaves at once; if it cannot, it is dropped
+        and counted in ``setpoints_dropped``.
         """
-        vehicle = self._vehicles.get(command.sysid)
-        personality = None if vehicle is None else vehicle.personality
-        if isinstance(command, GoTo):
-            if (
-                vehicle is not None
-                and personality is not None
-                and not vehicle.is_another
-                and _can_be_flown(command)
-                and self._set_point(command, vehicle, now)
-            ):
-                self.setpoints_out += 1
-            else:
-                self.setpoints_dropped += 1
-        elif isinstance(command, ReadParameter | WriteParameter):
-            if vehicle is None or personality is None:
-                self._events.append(unread(command.parameter, command.sysid, now))
-                return
-            wanted = command.value if isinstance(command, WriteParameter) else None
-            spellings = personality.spellings(command.parameter)
-            vehicle.parameters.submit(command.parameter, spellings, wanted, now)
-            self._flush(vehicle, now)
-        elif vehicle is None:
-            self._end(command, "no_answer", "no HEARTBEAT was heard from it", now)
-        elif vehicle.is_another and not isinstance(command, RequestVersion):
-            self._end(command, "refused", "another vehicle answers under its system id", now)
-        elif personality is None:
-            detail = "its HEARTBEAT says that it is no multirotor with ArduCopter or PX4"
-            self._end(command, "refused", detail, now)
-        elif isinstance(command, UploadFence):
-            vehicle.fence.submit(command, now)
-            self._flush(vehicle, now)
-        else:
-            request = personality.request_for(command, vehicle.home_alt_amsl_m)
-            if isinstance(request, str):
-                self._end(command, "refused", request, now)
-            else:
-                vehicle.exchange.submit(request, now)
-                self._flush(vehicle, now)
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: heartbeats, reports, retries."""
-        if now >= self._next_period_s:
-            self._next_period_s += PERIOD_S
-            if self._next_period_s <= now:  # nobody called for a while: no burst to catch up
-                self._next_period_s = now + PERIOD_S
-            self._every_period(now)
-            for sysid, vehicle in self._vehicles.items():
-                self._events.append(
-                    vehicle.statistics.report(sysid, now, vehicle.clock, vehicle.round_trips)
-                )
-        for vehicle in self._vehicles.values():
-            if now >= vehicle.next_timer():
-                vehicle.handle_timer(now)
-                self._flush(vehicle, now)
+        """Do what is due: heartbeats, reports of link quality, retries."""
 
     def next_timer(self) -> float:
-        """When :meth:`handle_timer` is due; infinity while nobody is known and none is called."""
-        retries = (vehicle.next_timer() for vehicle in self._vehicles.values())
-        return min((self._next_period_s, *retries))
+        """When :meth:`handle_timer` is due; infinity if nothing is."""
 
     def events(self) -> list[Observation]:
         """Drain the observations, oldest first."""
-        events, self._events = self._events, []
-        return events
-
-    # --- What is heard and answered ----------------------------------------------------
-
-    def _begin(self, now: float) -> None:
-        """Send heartbeats from now on."""
-        self._next_period_s = min(self._next_period_s, now)
-
-    def _take(self, fact: Fact, vehicle: VehicleType, now: float) -> None:
-        """Take what a vehicle says; an answer only if the question was ours."""
-        if isinstance(fact, VehicleVersion):
-            fault = vehicle.identify(fact)
-            if fault is not None:
-                self._reject("changed_uid", fault, now)
-        if vehicle.is_another or not self._is_for_us(fact, vehicle, now):
-            return
-        observation = vehicle.take(fact, now)
-        if observation is not None:
-            self._events.append(observation)
-        self._flush(vehicle, now)
-
-    def _is_for_us(self, fact: Fact, vehicle: VehicleType, now: float) -> bool:
-        match fact:
-            case CommandAck() | FenceFact():
-                return fact.target_system in {0, self._gcs_sysid}
-            case TimeSyncAnswer():
-                return self._has_asked(vehicle, fact.asked_ns, now)
-            case _:
-                return True
-
-    def _flush(self, vehicle: VehicleType, now: float) -> None:
-        """Send and report what the vehicle's exchanges have decided."""
-        for packet in vehicle.packets():
-            self._tell(packet, vehicle, now)
-        self._events.extend(vehicle.outcomes())
-
-    def _end(
-        self, command: Command, result: Literal["refused", "no_answer"], detail: str, now: float
-    ) -> None:
-        self._events.append(
-            CommandOutcome(
-                received_s=now,
-                sysid=command.sysid,
-                command=type(command).__name__,
-                result=result,
-                detail=detail,
-            )
-        )
-
-    def _reject(self, kind: str, detail: str, now: float) -> None:
-        """Count a fault, and name the first of its kind."""
-        self.rejected[kind] += 1
-        if self.rejected[kind] == 1:
-            self._name(kind, detail, now)
-
-    def _name(self, kind: str, detail: str, now: float) -> None:
-        self._events.append(
-            InputRejected(received_s=now, source="mavlink", kind=kind, detail=detail)
-        )
-
-
-def _can_be_flown(goto: GoTo) -> bool:
-    """Whether a setpoint is a place on Earth with finite numbers: no other may ever leave."""
-    return (
-        abs(goto.lat_rad) <= math.pi / 2.0  # false for NaN
-        and abs(goto.lon_rad) <= math.pi
-        and all(map(math.isfinite, (goto.alt_amsl_m, *goto.velocity_enu)))
-    )

@@ -110,8 +110,8 @@ class Swarm(Section):
         link: Where MAVLink comes from, one URL or a list: ``udpin://host:port`` listens,
             ``udpout://host:port`` and ``tcp://host:port`` call, ``serial:///dev/name:baud``
             is a radio on a serial line.
-        backend: Who speaks MAVLink on the link: ``native``, or ``mavsdk`` (MAVSDK 4, an extra of
-            the installation; without signing, forwarding and uploaded fences).
+        backend: Who speaks MAVLink on the link: ``native``, or ``mavsdk`` (MAVSDK 4;
+            without signing, forwarding and uploaded fences).
         signing_key_file: File with the key that signs MAVLink, found from the mission file:
             32 bytes, 64 hexadecimal digits or a passphrase. What is not signed is refused.
         gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).

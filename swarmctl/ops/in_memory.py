@@ -24,6 +24,7 @@ from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing_key
 from swarmctl.ops.simulation import sim_config, simulation_section
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from swarmctl.recorder.summary import FlightSummary
 
 STEP_S = 0.02
@@ -75,7 +76,8 @@ def fly_in_memory(
     # On a virtual clock no timestamp is used twice by chance: none is kept.
     signing = Signing(key, timestamp_at(UTC_START_S), UTC_START_S) if key is not None else None
     with Recording(mission, Path(mission_path), out, seed) as recording:
-        station = Station(mission, 0.0, UTC_START_S, recording, signing=signing)
+        link = native_link(mission, signing=signing)
+        station = Station(mission, link, 0.0, UTC_START_S, recording)
         recording.open()
         limit = mission.goal.time_limit_s + HOPELESS_S
         snapshot_at, steps, now = 0.0, 0, 0.0
@@ -90,7 +92,7 @@ def fly_in_memory(
                 down.send(datagram, now)
             datagrams, publications = down.receive(now), world.publications()
             for sysid, data in datagrams:
-                station.datagram(data, Address("memory", sysid), now)
+                link.receive_datagram(data, Address("memory", sysid), now)
             for topic, payload in publications:
                 station.message(topic, payload, now)
             if now >= station.next_wake():
@@ -99,7 +101,8 @@ def fly_in_memory(
                 station.settle(now)
             else:
                 continue
-            for data, (_, sysid, _) in station.datagrams():
+            recording.traffic(link.traffic(), UTC_START_S)
+            for data, (_, sysid, _) in link.datagrams():
                 up.send((sysid, data), now)
             _deliver(up.receive(now), world)
             station.publications()

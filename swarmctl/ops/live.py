@@ -12,25 +12,19 @@ import signal
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from swarmctl.decisions import Notice
-from swarmctl.errors import SwarmError, UsageError
+from swarmctl.errors import SwarmError
 from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
-from swarmctl.link.codec.messages import Address
-from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
-from swarmctl.link.endpoints.url import parse_url
-from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops.recording import Recording
 from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
+from swarmctl.ops.transports import EndpointTransport, MavsdkTransport, Transport
+from swarmctl.ops.vehicle_links import mavsdk_link, native_link, station_addresses
 from swarmctl.recorder.summary import FlightSummary
-
-if TYPE_CHECKING:
-    from swarmctl.link.mavsdk_link import MavsdkLink
 
 HICCUP_S = 1.0
 """How long a busy computer may keep this process or the simulator waiting, s of wall time."""
@@ -96,27 +90,29 @@ async def fly(
     with Recording(mission, Path(mission_path), out, seed) as recording:
         utc_start_s = time.time()
         async with contextlib.AsyncExitStack() as stack:
-            mavsdk = None
+            transport: Transport
             if mission.swarm.backend == "mavsdk":
-                mavsdk = stack.enter_context(mavsdk_link(mission, forward, speedup))
+                transport = MavsdkTransport(mavsdk_link(mission, forward, speedup), links)
+            else:
+                native = native_link(
+                    mission,
+                    signing=await stack.enter_async_context(signing(mission, utc_start_s, speedup)),
+                    stations=station_addresses(forward, first=len(links)),
+                    speedup=speedup,
+                )
+                transport = EndpointTransport(native, links, forward, recording, utc_start_s)
+            stack.callback(transport.close)
             station = Station(
                 mission,
+                transport.link,
                 0.0,
                 utc_start_s,
                 recording,
                 HICCUP_S * speedup,
-                signing=await stack.enter_async_context(signing(mission, utc_start_s, speedup)),
-                stations=station_addresses(forward, first=len(links)),
                 shadow=shadow,
-                backend=mavsdk,
-                speedup=speedup,
             )
-            shell = _Shell(station, lambda: (loop.time() - began) * speedup, speedup)
-            if mavsdk is not None:
-                mavsdk.connect(links, lambda: loop.call_soon_threadsafe(shell.inbox))
-                links = ()
-            endpoints = await open_endpoints((*links, *forward), shell.datagram, shell.connection)
-            stack.callback(endpoints.close)
+            shell = _Shell(station, transport, lambda: (loop.time() - began) * speedup, speedup)
+            await transport.open(station, shell.do)
             feed = await stack.enter_async_context(
                 connect(
                     address,
@@ -129,124 +125,55 @@ async def fly(
             await stack.enter_async_context(_reports(shell, on_snapshot, snapshot_every_s))
             # Only now: a port in use or a missing broker leaves no empty recording behind.
             recording.open()
-            await shell.run(endpoints, links, feed, on_notice)
+            await shell.run(feed, on_notice)
         return recording.summary(station, loop.time() - began)
-
-
-def mavsdk_link(mission: Mission, forward: Sequence[str], speedup: float) -> MavsdkLink:
-    """The vehicles' link on MAVSDK.
-
-    Args:
-        mission: A mission that wants it.
-        forward: Other ground stations that MAVLink is to be passed on to.
-        speedup: Seconds of mission time per second.
-
-    Raises:
-        UsageError: If MAVSDK is not installed, or cannot do what else is wanted.
-    """
-    unable = [
-        what
-        for what, wanted in (
-            ("sign (swarm.signing_key_file)", mission.swarm.signing_key_file),
-            ("upload a fence (limits.upload_geofence)", mission.limits.upload_geofence),
-            ("pass MAVLink on (--forward)", forward),
-        )
-        if wanted
-    ]
-    if unable:
-        raise UsageError(
-            f"swarm.backend is mavsdk, which does not {' or '.join(unable)}: leave that out, or fly"
-            " with swarm.backend: native."
-        )
-    try:
-        from swarmctl.link.mavsdk_link import MavsdkLink  # noqa: PLC0415 - an optional extra
-    except (ImportError, OSError) as error:
-        raise UsageError(
-            f"swarm.backend is mavsdk, but MAVSDK 4 cannot be loaded ({error}): install"
-            " swarmctl[mavsdk], or fly with swarm.backend: native."
-        ) from error
-    return MavsdkLink(
-        gcs_sysid=mission.swarm.gcs_sysid, vehicles=mission.swarm.sysids, speedup=speedup
-    )
-
-
-def station_addresses(forward: Sequence[str], first: int) -> list[Address]:
-    """Addresses of other ground stations.
-
-    Args:
-        forward: Their URLs.
-        first: Number of the first of their endpoints.
-
-    Raises:
-        UsageError: If one is no udpout://host:port.
-    """
-    addresses = []
-    for number, text in enumerate(forward, first):
-        url = parse_url(text)
-        if url.scheme != "udpout":
-            raise UsageError(
-                f"--forward is {text!r}: it should be udpout://host:port, where the other ground"
-                " station listens, as in udpout://127.0.0.1:14551."
-            )
-        addresses.append(Address(url.host, url.port, number))
-    return addresses
 
 
 class _Shell:
     """Delivers, drains, sends, re-arms."""
 
-    def __init__(self, station: Station, clock: Callable[[], float], speedup: float) -> None:
+    def __init__(
+        self,
+        station: Station,
+        transport: Transport,
+        clock: Callable[[], float],
+        speedup: float,
+    ) -> None:
         self.station = station
+        self._transport = transport
         self._clock = clock
         self._speedup = speedup
+        self._is_running = False
         self._done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._timer: asyncio.TimerHandle | None = None
-        self._endpoints: Endpoints | None = None
         self._outbox: asyncio.Queue[tuple[str, bytes]] = asyncio.Queue(PUBLICATIONS_KEPT)
         self._on_notice: Callable[[Notice], None] | None = None
         self._asked_at_s: float | None = None
 
-    async def run(
-        self,
-        endpoints: Endpoints,
-        links: Sequence[str],
-        feed: FeedClient,
-        on_notice: Callable[[Notice], None] | None,
-    ) -> None:
+    async def run(self, feed: FeedClient, on_notice: Callable[[Notice], None] | None) -> None:
         """Fly until the mission has ended or something raised."""
-        self._endpoints, self._on_notice = endpoints, on_notice
-        called = [address for address in endpoints.called if address.endpoint < len(links)]
+        self._is_running, self._on_notice = True, on_notice
         publisher = asyncio.create_task(self._publish(feed))
         try:
-            self._run(lambda now: self.station.opened(links, called, now))
+            self.do(self._transport.start)
             await self._done
         finally:
             publisher.cancel()
             if self._timer is not None:
                 self._timer.cancel()
 
-    def datagram(self, data: bytes, address: Address) -> None:
-        self._run(lambda now: self.station.datagram(data, address, now))
-
-    def connection(self, address: Address, url: str, connected: bool) -> None:
-        self._run(lambda now: self.station.connection(address, url, connected, now))
-
-    def inbox(self) -> None:
-        """Something waits in the inbox of the station's link: its timer is due."""
-        self._run(lambda _now: None)
-
     def message(self, topic: str, payload: bytes) -> None:
-        self._run(lambda now: self.station.message(topic, payload, now))
+        self.do(lambda now: self.station.message(topic, payload, now))
 
     def broker_state(self, connected: bool) -> None:
-        self._run(lambda now: self.station.broker_state(connected, now))
+        self.do(lambda now: self.station.broker_state(connected, now))
 
     def interrupt(self) -> None:
         """First: bring the swarm home. Second: leave at once."""
         now_s = asyncio.get_running_loop().time()
         if self._asked_at_s is None:
             self._asked_at_s = now_s
-            self._run(self.station.request_return)
+            self.do(self.station.request_return)
         elif now_s - self._asked_at_s > ONE_INTERRUPT_S and not self._done.done():
             self._done.set_exception(AbandonedError(what_vehicles_do(self.station)))
 
@@ -254,9 +181,9 @@ class _Shell:
         """The mission now."""
         return self.station.snapshot(self._clock())
 
-    def _run(self, action: Callable[[float], None]) -> None:
+    def do(self, action: Callable[[float], None]) -> None:
         """Do something with the station at this instant, then whatever follows from it."""
-        if self._done.done() or self._endpoints is None:
+        if self._done.done() or not self._is_running:
             return
         try:
             now = self._clock()
@@ -279,12 +206,10 @@ class _Shell:
         if self._timer is not None:
             self._timer.cancel()
         delay = max(0.0, (self.station.next_wake() - self._clock()) / self._speedup)
-        self._timer = asyncio.get_running_loop().call_later(delay, self._run, lambda _now: None)
+        self._timer = asyncio.get_running_loop().call_later(delay, self.do, lambda _now: None)
 
     def _send(self) -> None:
-        if self._endpoints is not None:
-            for data, address in self.station.datagrams():
-                self._endpoints.send(data, address)
+        self._transport.flush()
         for publication in self.station.publications():
             if self._outbox.full():
                 self._outbox.get_nowait()

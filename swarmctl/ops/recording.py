@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -89,10 +90,16 @@ class Recording:
         else:
             self._debrief.record(record)
 
-    def frame(self, raw: bytes, utc_s: float) -> None:
-        """Keep a MAVLink frame sent or received at ``utc_s``."""
+    def traffic(self, frames: Iterable[tuple[float, bytes]], utc_offset_s: float) -> None:
+        """Keep MAVLink frames sent or received.
+
+        Args:
+            frames: Each with its monotonic time, s.
+            utc_offset_s: UTC less that time, s.
+        """
         if self._recorder is not None:
-            self._recorder.frame(raw, utc_s)
+            for at_s, raw in frames:
+                self._recorder.frame(raw, at_s + utc_offset_s)
 
     def close(self) -> None:
         """Finish the files, so that they open; doing so again is harmless."""

@@ -1,48 +1,29 @@
-"""The ground station, sans I/O: link, feed, controller and recorder joined.
+"""The ground station, sans I/O: vehicle link, feed, controller and recorder joined.
 
 Both shells drive it, the asyncio one (:mod:`swarmctl.ops.live`) and the one on a virtual clock
-(:mod:`swarmctl.ops.in_memory`): bytes in with the time, bytes out.
+(:mod:`swarmctl.ops.in_memory`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Any, Protocol, TypedDict
-
-import msgspec
-import numpy as np
+from typing import Protocol, TypedDict
 
 from swarmctl.commands import Inquiry
 from swarmctl.decisions import Estimate, Notice
-from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.events import (
-    EmitterTruth,
     FeedConnection,
     LinkConnection,
     Observation,
     OperatorRequest,
-    ReceiverTruth,
     Record,
 )
-from swarmctl.feed.intake import FeedIntake, decode_receivers_truth, decode_truth
-from swarmctl.feed.schema import (
-    EstimateMessage,
-    estimate_topic,
-    receivers_truth_topic,
-    truth_topic,
-)
-from swarmctl.link.codec.messages import Address
-from swarmctl.link.mavlink_link import MavlinkLink
-from swarmctl.link.signing import Signing
-from swarmctl.link.vehicle_link import Backend
+from swarmctl.feed.intake import FeedIntake
+from swarmctl.feed.truth import TruthIntake
+from swarmctl.link.vehicle_link import VehicleLink
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.snapshot import Snapshot, take_snapshot
-from swarmctl.units import CHI2_95_2DOF
-
-ESTIMATE_PERIOD_S = 0.5
-"""The estimate is published at most this often, station's s."""
+from swarmctl.ops.estimate_publication import EstimatePublication
 
 
 class TrafficCounts(TypedDict):
@@ -59,13 +40,10 @@ class TrafficCounts(TypedDict):
 
 
 class Recorder(Protocol):
-    """Where a station records: every record and every MAVLink frame with its UTC, s."""
+    """Where a station records."""
 
     def record(self, record: Record, utc_s: float) -> None:
-        """Keep a record."""
-
-    def frame(self, raw: bytes, utc_s: float) -> None:
-        """Keep a MAVLink frame."""
+        """Keep a record made at ``utc_s``."""
 
 
 class Station:
@@ -73,17 +51,18 @@ class Station:
 
     Args:
         mission: The mission.
+        link: Reaches the vehicles. Whoever made it moves its bytes.
         now: Monotonic time, s.
         utc_offset_s: The station's own UTC less its monotonic time, s; stamps the recording.
         recorder: Where everything is recorded; None for nowhere.
         hiccup_s: Silence that this computer may be to blame for, in the station's seconds.
         shadow: Every command is computed and recorded, but only requests for information are
             sent: others fly the vehicles.
-        signing: Signs MAVLink, and refuses what is not signed; None without a key.
-        stations: Addresses of other ground stations that MAVLink is passed on to.
-        backend: Reaches the vehicles instead of MAVLink of the station's own, and moves its bytes
-            by itself.
-        speedup: The station's seconds in one of the computer's, for the vehicles' clocks.
+
+    Attributes:
+        controller: Decides.
+        link: As above.
+        intake: Reads the measurement feed.
 
     Raises:
         FormationError: If the formation does not fit the mission's limits.
@@ -92,79 +71,44 @@ class Station:
     def __init__(
         self,
         mission: Mission,
+        link: VehicleLink,
         now: float,
         utc_offset_s: float,
         recorder: Recorder | None,
         hiccup_s: float = 0.0,
         *,
         shadow: bool = False,
-        signing: Signing | None = None,
-        stations: Sequence[Address] = (),
-        backend: Backend[Any] | None = None,
-        speedup: float = 1.0,
     ) -> None:
-        sysids = mission.swarm.sysids
+        swarm = mission.swarm.name
         self.controller = Controller(mission, now, hiccup_s, shadow=shadow)
+        self.link = link
+        self.intake = FeedIntake(swarm, mission.swarm.sysids)
+        self._truth = TruthIntake(swarm)
+        self._estimates = EstimatePublication(swarm, mission.frame, now)
         self._shadow = shadow
-        self._mavlink = MavlinkLink(
-            gcs_sysid=mission.swarm.gcs_sysid,
-            vehicles=sysids,
-            signing=signing,
-            stations=stations,
-            speedup=speedup,
-        )
-        self.link: Backend[Any] = backend or self._mavlink
-        self.intake = FeedIntake(mission.swarm.name, sysids)
-        self._frame = mission.frame
         self._utc_offset_s = utc_offset_s
         self._recorder = recorder
-        self._swarm = mission.swarm.name
-        self._truth_topics = (truth_topic(self._swarm), receivers_truth_topic(self._swarm))
-        self._publish_at = now
-        self._publications: list[tuple[str, bytes]] = []
         self._notices: list[Notice] = []
 
     @property
     def topics(self) -> tuple[str, ...]:
         """MQTT topics to subscribe to; the truth is for the recorder alone."""
         topics = self.intake.topics
-        return topics if self._recorder is None else (*topics, *self._truth_topics)
+        return topics if self._recorder is None else (*topics, *self._truth.topics)
 
     @property
     def ended(self) -> bool:
         """Whether the mission is over."""
         return self.controller.ended
 
-    def opened(self, urls: Sequence[str], called: Sequence[Address], now: float) -> None:
-        """The vehicles' endpoints are open.
-
-        Args:
-            urls: Their URLs.
-            called: Addresses of those that call instead of listening.
-            now: Monotonic time, s.
-        """
-        self._mavlink.listen(urls, now)
-        for address in called:
-            self._mavlink.open(address, now)
-
-    def connection(self, address: Address, url: str, connected: bool, now: float) -> None:
-        """A connection of an endpoint that calls was lost, or is back."""
-        if connected:
-            self._mavlink.open(address, now)
-        else:
-            self._mavlink.close(address)
+    def connection(self, url: str, connected: bool, now: float) -> None:
+        """A link that calls (TCP, a serial line) was lost, or is back."""
         self._observe(LinkConnection(received_s=now, url=url, connected=connected), now)
-
-    def datagram(self, data: bytes, address: Address, now: float) -> None:
-        """Take a datagram, or whole frames of a stream; call :meth:`settle` after the last."""
-        self._mavlink.receive_datagram(data, address, now)
 
     def message(self, topic: str, payload: bytes, now: float) -> None:
         """Take an MQTT message; call :meth:`settle` after the last."""
-        if topic in self._truth_topics:
-            for truth in self._truths(topic, payload, now):
-                if self._recorder is not None:
-                    self._recorder.record(truth, now + self._utc_offset_s)
+        if topic in self._truth.topics:
+            self._record_truth(topic, payload, now)
             return
         for event in self.intake.receive(topic, payload, now):
             self._observe(event, now)
@@ -200,9 +144,8 @@ class Station:
             for decision in controller.decisions():
                 if recorder is not None:
                     recorder.record(decision, utc)
-                if isinstance(decision, Estimate) and now >= self._publish_at:
-                    self._publish_at = now + ESTIMATE_PERIOD_S
-                    self._publish(decision, now)
+                if isinstance(decision, Estimate):
+                    self._estimates.offer(decision, controller.fleet.utc(now), now)
                 elif isinstance(decision, Notice):
                     self._notices.append(decision)
             commands = controller.commands()
@@ -213,20 +156,10 @@ class Station:
                     link.send(command, now)
             if not events and not commands:
                 break
-        if recorder is not None:
-            for frame_s, raw in self._mavlink.traffic():
-                recorder.frame(raw, frame_s + self._utc_offset_s)
-        else:
-            self._mavlink.traffic()
-
-    def datagrams(self) -> list[tuple[bytes, Address]]:
-        """Drain the datagrams to send."""
-        return self._mavlink.datagrams()
 
     def publications(self) -> list[tuple[str, bytes]]:
         """Drain the MQTT messages to publish, as (topic, payload)."""
-        drained, self._publications = self._publications, []
-        return drained
+        return self._estimates.drain()
 
     def notices(self) -> list[Notice]:
         """Drain the sentences for the operator."""
@@ -250,34 +183,13 @@ class Station:
             "rd_repeated": self.controller.observer.repeated,
         }
 
-    def _truths(
-        self, topic: str, payload: bytes, now: float
-    ) -> Sequence[EmitterTruth | ReceiverTruth]:
-        if topic == self._truth_topics[1]:
-            return decode_receivers_truth(payload, now)
-        truth = decode_truth(payload, now)
-        return [] if truth is None else [truth]
+    def _record_truth(self, topic: str, payload: bytes, now: float) -> None:
+        """Record the simulator's truth; nothing that flies sees it."""
+        if self._recorder is not None:
+            for truth in self._truth.receive(topic, payload, now):
+                self._recorder.record(truth, now + self._utc_offset_s)
 
     def _observe(self, event: Observation, now: float) -> None:
         if self._recorder is not None:
             self._recorder.record(event, now + self._utc_offset_s)
         self.controller.receive(event, now)
-
-    def _publish(self, estimate: Estimate, now: float) -> None:
-        lat, lon, alt = self._frame.to_geodetic(*estimate.position_enu)
-        utc = self.controller.fleet.utc(now)
-        cov = np.array(estimate.covariance).reshape(6, 6)
-        major, minor, angle = ellipse(cov)
-        scale = math.sqrt(CHI2_95_2DOF)
-        message = EstimateMessage(
-            epoch_utc_s=estimate.epoch_utc_s,
-            lat_deg=math.degrees(lat),
-            lon_deg=math.degrees(lon),
-            alt_amsl_m=alt,
-            position_enu=estimate.position_enu,
-            velocity_enu=estimate.velocity_enu,
-            covariance_enu=tuple(cov[:3, :3].ravel().tolist()),
-            ellipse_95=(scale * float(major), scale * float(minor), float(angle)),
-            age_s=max(0.0, utc - estimate.epoch_utc_s) if utc is not None else 0.0,
-        )
-        self._publications.append((estimate_topic(self._swarm), msgspec.json.encode(message)))

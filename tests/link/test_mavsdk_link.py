@@ -39,13 +39,9 @@ from swarmctl.events import (
 )
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.mavlink_link import MavlinkLink
+from swarmctl.link.mavsdk_link import MavsdkLink
 from tests.brokers import free_port
 from tests.link.wire import Sender, unpack
-
-try:
-    from swarmctl.link.mavsdk_link import MavsdkLink
-except (ImportError, OSError) as error:
-    pytest.skip(f"MAVSDK's native library cannot be loaded: {error}", allow_module_level=True)
 
 GCS = 245
 SYSIDS = range(1, 9)
@@ -72,8 +68,8 @@ class Rig:
         self.heard: list[Observation] = []
 
     def close(self) -> None:
-        with self.link:
-            self.radio.close()
+        self.link.close()
+        self.radio.close()
 
     def say(self, frame: bytes) -> None:
         self.radio.send(frame)

@@ -17,6 +17,7 @@ from swarmctl.decisions import Estimate, Notice
 from swarmctl.errors import UsageError
 from swarmctl.events import ReceiverTruth, Record
 from swarmctl.link.codec.messages import Address
+from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.snapshot import Snapshot
@@ -24,6 +25,7 @@ from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import STEP_S, UTC_START_S, fly_in_memory
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from swarmctl.recorder.summary import FlightSummary, read_summary
 from tests.link.wire import Sender, unpack
 from tests.summaries import SEPARATION_M, assert_within_limits, known
@@ -113,9 +115,6 @@ class Estimates:
         if isinstance(record, Estimate):
             self.made.append(record)
 
-    def frame(self, raw: bytes, utc_s: float) -> None:
-        pass
-
 
 def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Short) -> None:
     # One flight, told both ways: the second station hears the same vehicles and its own world's
@@ -125,23 +124,29 @@ def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Sh
     differenced = World(config)
     stamped = World(replace(config, receivers=replace(config.receivers, publish="arrival_times")))
     kept = (Estimates(), Estimates())
-    flying, listening = (Station(mission, 0.0, UTC_START_S, estimates) for estimates in kept)
+    links = (native_link(mission), native_link(mission))
+    flying, listening = (
+        Station(mission, link, 0.0, UTC_START_S, estimates)
+        for link, estimates in zip(links, kept, strict=True)
+    )
     for step in range(1, round(100.0 / STEP_S)):
         now = step * STEP_S
-        for world, station in ((differenced, flying), (stamped, listening)):
+        for world, link, station in zip(
+            (differenced, stamped), links, (flying, listening), strict=True
+        ):
             world.advance(now)
             for sysid, data in world.datagrams():
-                station.datagram(data, Address("memory", sysid), now)
+                link.receive_datagram(data, Address("memory", sysid), now)
             for topic, payload in world.publications():
                 station.message(topic, payload, now)
             if now >= station.next_wake():
                 station.wake(now)
             else:
                 station.settle(now)
-        for data, (_, sysid, _) in flying.datagrams():
+        for data, (_, sysid, _) in links[0].datagrams():
             differenced.receive_datagram(sysid, data)
             stamped.receive_datagram(sysid, data)
-        listening.datagrams()
+        links[1].datagrams()
     expected, found = (estimates.made for estimates in kept)
     assert flying.controller.phase is Phase.APPROACHING
     assert len(expected) > 800
@@ -202,8 +207,9 @@ def test_garbage_on_both_inputs_harms_nothing(
 
     def wake_amid_garbage(station: Station, now: float) -> None:
         if not station.ended:
+            assert isinstance(station.link, MavlinkLink)
             for data in (b"", b"\xfd", b"\xfd\x09\x00\x00\x00\x01\x01\x00\x00\x00", b"hello" * 60):
-                station.datagram(data, Address("memory", 1), now)
+                station.link.receive_datagram(data, Address("memory", 1), now)
             for payload in (b"", b"{", b"[]", b'{"v": 2}', b"\xff\x00", b'[{"v": 1, "rd_m": NaN}]'):
                 station.message("swarm/alpha/tdoa", payload, now)
         wake(station, now)

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from swarmctl.decisions import Notice
-from swarmctl.errors import UsageError
 from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
-from swarmctl.ops.live import fly, station_addresses
+from swarmctl.ops.live import fly
 from tests.brokers import Embedded, free_port
 from tests.link.endpoints.test_stream import Server
 from tests.link.endpoints.test_udp import LOOPBACK, Inbox
@@ -103,9 +102,3 @@ async def test_a_signing_key_signs_what_is_sent(
         (await server.client()).write(Sender(1).heartbeat())
     assert any("without a signature" in notice.text for notice in said)
     await server.stop()
-
-
-@pytest.mark.parametrize("url", ["http://10.0.0.1", "udpin://0.0.0.0:14551", "tcp://10.0.0.1:5760"])
-def test_only_udpout_can_be_forwarded_to(url: str) -> None:
-    with pytest.raises(UsageError, match="udpout://host:port"):
-        station_addresses([url], 1)

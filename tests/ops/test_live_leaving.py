@@ -10,12 +10,14 @@ from swarmctl.events import Heartbeat, Mode, ParameterValue
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.ops.live import what_vehicles_do
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from tests.missions import short_mission_text
 
 
 @pytest.fixture
 def station() -> Station:
-    return Station(parse_mission(short_mission_text()), 0.0, 0.0, None)
+    mission = parse_mission(short_mission_text())
+    return Station(mission, native_link(mission), 0.0, 0.0, None)
 
 
 def hear(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ ON_THE_GROUND_M = 3.0
 
 
 async def test_a_mission_flies_on_mavsdk(short_mission: Short, tmp_path: Path) -> None:
-    pytest.importorskip("mavsdk", reason="MAVSDK is not installed", exc_type=ImportError)
     mission = short_mission(
         swarm__backend="mavsdk", swarm__autopilot="px4", sim__autopilot="px4", goal__sigma_m=30
     )
@@ -66,14 +64,3 @@ async def test_what_mavsdk_does_not_do_is_refused(
     with pytest.raises(UsageError, match=field) as refused:
         await fly(mission, forward=forward)
     assert refused.value.exit_code == 2
-
-
-async def test_without_mavsdk_the_extra_is_named(
-    short_mission: Short, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delitem(sys.modules, "swarmctl.link.mavsdk_link", raising=False)
-    for name in [name for name in sys.modules if name.partition(".")[0] == "mavsdk"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "mavsdk", None)
-    with pytest.raises(UsageError, match=r"install swarmctl\[mavsdk\]"):
-        await fly(short_mission(swarm__backend="mavsdk"))

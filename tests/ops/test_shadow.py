@@ -11,6 +11,7 @@ from swarmctl.link.codec.messages import Address
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from tests.missions import short_mission_text
 
 UTC0 = 1_790_000_000.0
@@ -30,9 +31,6 @@ class Tape:
     def record(self, record: Record, utc_s: float) -> None:
         self.records.append(record)
 
-    def frame(self, raw: bytes, utc_s: float) -> None:
-        pass
-
 
 class Rehearsal:
     """A world in which one station may fly, and another shadows."""
@@ -42,10 +40,12 @@ class Rehearsal:
         other = parse_mission(short_mission_text(swarm__gcs_sysid=246, feed__timeout_s=10))
         self.world = World(sim_config(mission, 3, UTC0))
         self.tape = Tape()
-        self.shadow = Station(other, 0.0, UTC0, self.tape, shadow=True)
-        self.stations = [self.shadow]
+        listening = native_link(other)
+        self.shadow = Station(other, listening, 0.0, UTC0, self.tape, shadow=True)
+        self.stations = [(self.shadow, listening)]
         if is_flown:
-            self.stations.append(Station(mission, 0.0, UTC0, None))
+            flying = native_link(mission)
+            self.stations.append((Station(mission, flying, 0.0, UTC0, None), flying))
         self.sent: list[bytes] = []
 
     def run(self) -> None:
@@ -57,16 +57,16 @@ class Rehearsal:
             assert now < 900.0, f"the shadow is still {self.shadow.snapshot(now).phase}"
             self.world.advance(now)
             datagrams, publications = self.world.datagrams(), self.world.publications()
-            for station in self.stations:
+            for station, link in self.stations:
                 for sysid, data in datagrams:
-                    station.datagram(data, Address("memory", sysid), now)
+                    link.receive_datagram(data, Address("memory", sysid), now)
                 for topic, payload in publications:
                     station.message(topic, payload, now)
                 if now >= station.next_wake():
                     station.wake(now)
                 else:
                     station.settle(now)
-                for data, (_, sysid, _) in station.datagrams():
+                for data, (_, sysid, _) in link.datagrams():
                     self.world.receive_datagram(sysid, data)
                     if station is self.shadow:
                         self.sent.append(data)

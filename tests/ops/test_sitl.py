@@ -25,6 +25,7 @@ from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.ops.live import fly
 from swarmctl.ops.simulation import serve_receivers_of, sim_config, simulated
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from tests.brokers import free_port
 from tests.link.endpoints.test_udp import LOOPBACK
 from tests.link.wire import unpack
@@ -92,7 +93,8 @@ def test_receivers_that_only_listen_are_all_a_mission_needs(autopilot: str, publ
     )
     config = replace(config, vehicles=unequal)
     world, listening = World(config), SitlReceivers(config, speedup=5.0)
-    station = Station(mission, 0.0, UTC0, None, stations=[ear], speedup=5.0)
+    link = native_link(mission, stations=[ear], speedup=5.0)
+    station = Station(mission, link, 0.0, UTC0, None)
     steps = 0
     while not station.ended:
         steps += 1
@@ -100,14 +102,14 @@ def test_receivers_that_only_listen_are_all_a_mission_needs(autopilot: str, publ
         assert now < 600.0, f"still {station.snapshot(now).phase}"
         world.advance(now)
         for sysid, data in world.datagrams():
-            station.datagram(data, Address("memory", sysid), now)
+            link.receive_datagram(data, Address("memory", sysid), now)
         for topic, payload in listening.publications():
             station.message(topic, payload, now)
         if now >= station.next_wake():
             station.wake(now)
         else:
             station.settle(now)
-        for data, address in station.datagrams():
+        for data, address in link.datagrams():
             if address == ear:
                 listening.receive(data)
             else:

@@ -12,10 +12,12 @@ from swarmctl.events import EmitterTruth, LinkConnection, ReceiverTruth, Record
 from swarmctl.feed.schema import RangeDifferenceMessage, ReceiverTruthMessage, TruthMessage
 from swarmctl.link.codec.messages import Address
 from swarmctl.mission.controller import Controller
+from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.ops.simulation import sim_config
 from swarmctl.ops.station import Station
+from swarmctl.ops.vehicle_links import native_link
 from tests.missions import short_mission_text
 
 
@@ -27,9 +29,6 @@ class Tape:
 
     def record(self, record: Record, utc_s: float) -> None:
         self.records.append((record, utc_s))
-
-    def frame(self, raw: bytes, utc_s: float) -> None:
-        pass
 
 
 TRUTH = msgspec.json.encode(
@@ -59,7 +58,8 @@ UTC_S = 1_790_000_000.0
 
 
 def station(tape: Tape | None = None) -> Station:
-    return Station(parse_mission(short_mission_text()), 0.0, 1000.0, tape)
+    mission = parse_mission(short_mission_text())
+    return Station(mission, native_link(mission), 0.0, 1000.0, tape)
 
 
 def test_the_truth_reaches_the_recorder_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,25 +131,23 @@ def test_a_snapshot_can_be_taken_at_any_time() -> None:
     assert json.loads(msgspec.json.encode(ground.counts()))["rd_dropped"] == 0
 
 
-def test_a_link_that_calls_is_called_while_it_is_connected_and_its_loss_is_told() -> None:
+def test_a_lost_link_is_told_and_recorded() -> None:
     tape = Tape()
     ground = station(tape)
-    radio, url = Address("10.0.0.1", 5760, 1), "tcp://10.0.0.1:5760"
-    ground.opened(["udpin://0.0.0.0:14550", url], [radio], 0.0)
-    ground.wake(0.0)
-    assert [address for _, address in ground.datagrams()] == [radio]
+    url = "tcp://10.0.0.1:5760"
     for now, connected in ((1.0, False), (3.0, True)):
-        ground.connection(radio, url, connected, now)
+        ground.connection(url, connected, now)
         ground.wake(now)
-        assert [address for _, address in ground.datagrams()] == [radio] * connected
     told = [notice.text for notice in ground.notices()]
     assert told[-2:] == [f"the link {url} is lost; reconnecting", f"the link {url} is back"]
     events = [record for record, _ in tape.records if isinstance(record, LinkConnection)]
     assert [event.connected for event in events] == [False, True]
 
 
-def checked(world: World, station: Station) -> Station:
-    """The station after its checks of the vehicles have ended, one way or the other."""
+def checked(world: World, mission: Mission) -> Station:
+    """A station after its checks of the vehicles have ended, one way or the other."""
+    link = native_link(mission)
+    station = Station(mission, link, 0.0, UTC_S, None)
     steps = 0
     while station.controller.phase in {Phase.WAITING, Phase.CHECKING}:
         steps += 1
@@ -157,9 +155,9 @@ def checked(world: World, station: Station) -> Station:
         assert now < 120.0
         world.advance(now)
         for sysid, data in world.datagrams():
-            station.datagram(data, Address("memory", sysid), now)
+            link.receive_datagram(data, Address("memory", sysid), now)
         station.wake(now)
-        for data, address in station.datagrams():
+        for data, address in link.datagrams():
             world.receive_datagram(address.port, data)
     return station
 
@@ -181,9 +179,7 @@ def test_new_firmware_passes_the_checks_and_so_does_old_that_knows_data_streams_
         for vehicle in config.vehicles
     )
     text = short_mission_text(swarm__set_failsafes=True)
-    ground = checked(
-        World(replace(config, vehicles=old)), Station(parse_mission(text), 0.0, UTC_S, None)
-    )
+    ground = checked(World(replace(config, vehicles=old)), parse_mission(text))
     assert ground.controller.phase is Phase.LAUNCHING, ground.controller.result
     for vehicle in ground.controller.fleet.vehicles.values():
         # One of nine intervals may be twice as long: they begin anew when they are set.
@@ -210,7 +206,7 @@ def test_a_vehicle_fenced_in_below_the_flight_is_not_started(
     first, *others = config.vehicles
     fenced = replace(first, parameters=(*first.parameters, *fence.items()))
     world = World(replace(config, vehicles=(fenced, *others)))
-    ground = checked(world, Station(mission, 0.0, UTC_S, None))
+    ground = checked(world, mission)
     code, said = ground.controller.result
     assert code == "unsafe_failsafes", said
     assert f"vehicle {first.sysid}: {list(fence)[1]} is 20, and the mission flies higher" in said
