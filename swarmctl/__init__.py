@@ -9,7 +9,8 @@ Flying
     ``fly``, ``simulated``, ``fly_in_memory``, ``load_mission``, ``Mission``, ``FlightSummary``,
     ``MissionResult``.
 Estimating
-    ``Track``, ``Prior``, ``ReceiverErrors``, ``Rows``, ``Estimate``: the track of one emitter.
+    ``FILTERS`` makes a ``Track`` of one emitter from a ``Prior`` and a ``Behaviour``, with its
+    ``ReceiverErrors``; ``Rows`` go in, an ``Estimate`` comes out.
 Formations
     ``DESIGNS``, ``Requirements``, ``Noise``, ``objective_named``.
 Errors
@@ -19,8 +20,8 @@ The rest of this page is the convention sheet that every room of the package kee
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/decoding`` and ``link/encoding``, the console). A name
-    carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
+    at the edges (the mission file, ``link/codec``, the console). A name carries its unit where
+    a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
     ``_enu``: east, north, up in metres in the tangent plane at the mission origin
@@ -57,14 +58,17 @@ if TYPE_CHECKING:
         FormationError,
         LinkError,
         MissionFileError,
+        SimulationError,
         SwarmError,
         UsageError,
     )
-    from swarmctl.estimation.kernels.augmented import Rows
+    from swarmctl.estimation.estimate import Estimate
+    from swarmctl.estimation.filters import FILTERS
     from swarmctl.estimation.model.prior import Prior
     from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-    from swarmctl.estimation.track.modes import Estimate
-    from swarmctl.estimation.track.track import Estimator as Track
+    from swarmctl.estimation.model.rows import Rows
+    from swarmctl.estimation.track.behaviour import Behaviour
+    from swarmctl.estimation.track.track import Track
     from swarmctl.formation.design_report import objective_named
     from swarmctl.formation.designs import DESIGNS
     from swarmctl.formation.requirements import Noise, Requirements
@@ -80,7 +84,9 @@ __version__ = "0.1.0"
 
 __all__ = [
     "DESIGNS",
+    "FILTERS",
     "AbandonedError",
+    "Behaviour",
     "Estimate",
     "EstimationError",
     "FeedError",
@@ -95,6 +101,7 @@ __all__ = [
     "ReceiverErrors",
     "Requirements",
     "Rows",
+    "SimulationError",
     "SwarmError",
     "Track",
     "UsageError",
@@ -112,13 +119,16 @@ _HOMES = {
         "FormationError",
         "LinkError",
         "MissionFileError",
+        "SimulationError",
         "SwarmError",
         "UsageError",
     ),
-    "swarmctl.estimation.kernels.augmented": ("Rows",),
+    "swarmctl.estimation.estimate": ("Estimate",),
+    "swarmctl.estimation.filters": ("FILTERS",),
     "swarmctl.estimation.model.prior": ("Prior",),
     "swarmctl.estimation.model.receiver_errors": ("ReceiverErrors",),
-    "swarmctl.estimation.track.modes": ("Estimate",),
+    "swarmctl.estimation.model.rows": ("Rows",),
+    "swarmctl.estimation.track.behaviour": ("Behaviour",),
     "swarmctl.estimation.track.track": ("Track",),
     "swarmctl.formation.designs": ("DESIGNS",),
     "swarmctl.formation.design_report": ("objective_named",),
@@ -139,7 +149,7 @@ if not TYPE_CHECKING:  # a type checker would take it for a module with any attr
     def __getattr__(name: str) -> object:
         for module, names in _HOMES.items():
             if name in names:
-                value = getattr(import_module(module), "Estimator" if name == "Track" else name)
+                value = getattr(import_module(module), name)
                 globals()[name] = value
                 return value
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -48,7 +48,8 @@ def track(
         float,
         typer.Option("--colour", help="1-sigma of the correlated error (multipath), m; 0: none."),
     ] = 0.2,
-    tau: Annotated[float, typer.Option("--tau", help="Correlation time of the correlated error, s.")
+    tau: Annotated[
+        float, typer.Option("--tau", help="Correlation time of the correlated error, s.")
     ] = 0.5,
     rho: Annotated[
         float,
@@ -65,14 +66,16 @@ def track(
         typer.Option("--navigation", help="1-sigma of receivers' positions per axis, m; 0: exact."),
     ] = 0.0,
     navigation_tau: Annotated[
-        float, typer.Option("--navigation-tau", help="Correlation time of the positions' errors, s.")
+        float,
+        typer.Option("--navigation-tau", help="Correlation time of that error, s."),
     ] = 60.0,
     process_noise: Annotated[
         float,
-        typer.Option("--process-noise", help="Spectral density of the emitter's acceleration, m²/s³."),
+        typer.Option("--process-noise", help="Density of the emitter's acceleration, m²/s³."),
     ] = 0.2,
     speed: Annotated[
-        float, typer.Option("--speed", help="1-sigma of the emitter's first velocity per axis, m/s.")
+        float,
+        typer.Option("--speed", help="1-sigma of its first velocity per axis, m/s."),
     ] = 1.0,
     at: Annotated[
         str | None,
@@ -80,7 +83,6 @@ def track(
             "--at",
             metavar="E,N,U",
             help="Where the emitter begins, m (default: amid the receivers).",
-        
         ),
     ] = None,
     within: Annotated[
@@ -92,7 +94,8 @@ def track(
         ),
     ] = None,
     height: Annotated[
-        float | None, typer.Option("--height", help="Height of the emitter if that is known, m (2-D).")
+        float | None,
+        typer.Option("--height", help="Height of the emitter if known, m (2-D)."),
     ] = None,
 ) -> None:
     """Track the emitter in a data set of any TDOA system: radio, UWB, acoustic."""

@@ -99,12 +99,12 @@ class TrackingFigures(msgspec.Struct, frozen=True, kw_only=True):
     mean_nis: float | None
     health: dict[str, float]
     judged: int | msgspec.UnsetType = msgspec.UNSET
-    rmse_m: float | None | msgspec.UnsetType = msgspec.UNSET
-    median_error_m: float | None | msgspec.UnsetType = msgspec.UNSET
+    rmse_m: float | msgspec.UnsetType | None = msgspec.UNSET
+    median_error_m: float | msgspec.UnsetType | None = msgspec.UNSET
     nees_dof: int | msgspec.UnsetType = msgspec.UNSET
-    mean_nees: float | None | msgspec.UnsetType = msgspec.UNSET
-    median_nees: float | None | msgspec.UnsetType = msgspec.UNSET
-    share_lost: float | None | msgspec.UnsetType = msgspec.UNSET
+    mean_nees: float | msgspec.UnsetType | None = msgspec.UNSET
+    median_nees: float | msgspec.UnsetType | None = msgspec.UNSET
+    share_lost: float | msgspec.UnsetType | None = msgspec.UNSET
 
 
 class TrackingSummary(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.datasets.reading import Epoch, ReceiverPositions
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array
 
 LARGEST_RHO = 0.495

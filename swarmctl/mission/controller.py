@@ -34,7 +34,7 @@ from swarmctl.events import (
     VehiclePosition,
 )
 from swarmctl.mission.custody import Custody
-from swarmctl.mission.emitter_tracking import Observer
+from swarmctl.mission.emitter_tracking import EmitterTracking
 from swarmctl.mission.estimate_trust import EstimateTrust, Trust
 from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import Fleet, VehicleState
@@ -85,7 +85,7 @@ class Controller:
             self.frame,
             {v.sysid: VehicleState(v.sysid, v.altitude_amsl_m) for v in mission.swarm.vehicles},
         )
-        self.observer = Observer(mission, hiccup_s)
+        self.observer = EmitterTracking(mission, hiccup_s)
         self._trust = EstimateTrust(self.observer.target)
         self.planner = Planner(mission)
         self.phase = Phase.WAITING

@@ -10,15 +10,11 @@ import numpy as np
 from swarmctl.decisions import Decision, Estimate, HealthChanged, ReceiverEstimate
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.consistency import ellipse
-from swarmctl.estimation.feed.measurement_queue import Tracker
+from swarmctl.estimation.estimate import Counts
+from swarmctl.estimation.feed.measurement_queue import MeasurementQueue
 from swarmctl.estimation.integrity.health import Verdict, sentence
 from swarmctl.events import ArrivalTime, RangeDifferences, VehiclePosition
-from swarmctl.mission.filter_settings import (
-    emitter_prior,
-    new_track,
-    process_noise,
-    receiver_errors,
-)
+from swarmctl.mission.filter_settings import emitter_prior, new_track, receiver_errors
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.target import Target
 from swarmctl.units import Vector
@@ -35,7 +31,7 @@ ELONGATED = 3.0
 """Axes of the ellipse this far apart are the geometry's doing."""
 
 
-class Observer:
+class EmitterTracking:
     """The tracker, driven by observations.
 
     Args:
@@ -55,19 +51,16 @@ class Observer:
     """
 
     def __init__(self, mission: Mission, hiccup_s: float) -> None:
-        prior = emitter_prior(mission)
         self._track = new_track(mission)
-        self._tracker = Tracker(
+        self._queue = MeasurementQueue(
             self._track,
-            prior,
             vehicles=mission.swarm.sysids,
             sigma_p_m=mission.filter.sigma_p_m,
-            process_noise=process_noise(mission),
             history_s=HISTORY_S + hiccup_s,
         )
         self._layout = receiver_errors(mission).layout(3)
         self._sysids = mission.swarm.sysids
-        self._said: Verdict = self._tracker.verdict
+        self._said = self._track.verdict
         self._reported_s = -math.inf
         self._recent: deque[tuple[float, int]] = deque()
         self.leader = mission.swarm.reference
@@ -75,6 +68,7 @@ class Observer:
         self.last_used_s: float | None = None
         self.restarted = False
         self.rereferences = False
+        prior = emitter_prior(mission)
         self.covariance = prior.covariance
         self.target = _target(prior.mean, prior.covariance)
 
@@ -84,36 +78,20 @@ class Observer:
         return self._said
 
     @property
-    def used(self) -> int:
-        """Range differences used."""
-        return self._tracker.used
-
-    @property
-    def aside(self) -> int:
-        """Range differences set aside as echoes."""
-        return self._tracker.aside
-
-    @property
-    def repeated(self) -> int:
-        """Range differences left out as copies of earlier ones."""
-        return self._tracker.repeated
-
-    @property
-    def dropped(self) -> int:
-        """Range differences and arrival times that could not be used."""
-        dropped = self._tracker.dropped
-        return dropped.total() - dropped["invalid_position"]
+    def counts(self) -> Counts:
+        """What became of the range differences and arrival times."""
+        return self._queue.counts
 
     def position(self, report: VehiclePosition, position_enu: Vector) -> None:
         """Take a vehicle's position; one without an epoch is of no use to the tracker."""
         if report.epoch_utc_s is not None:
-            self._tracker.add_position(
+            self._queue.add_position(
                 report.sysid, report.epoch_utc_s, position_enu, report.velocity_enu
             )
 
     def range_differences(self, event: RangeDifferences) -> None:
         """Take one epoch's range differences."""
-        self._tracker.add_range_differences(
+        self._queue.add_range_differences(
             event.epoch_utc_s,
             event.reference,
             [item.receiver for item in event.items],
@@ -125,14 +103,14 @@ class Observer:
     def arrival(self, event: ArrivalTime) -> None:
         """Take one receiver's arrival time of a burst."""
         self.rereferences = True
-        self._tracker.add_arrival(
+        self._queue.add_arrival(
             event.receiver, event.burst, event.toa_s, event.toa_frac_s, event.sigma_s
         )
 
     def complaints(self) -> list[str]:
         """Drain what the operator should be told about arrival times that do not fit."""
-        complaints = list(self._tracker.complaints)
-        self._tracker.complaints.clear()
+        complaints = list(self._queue.complaints)
+        self._queue.complaints.clear()
         return complaints
 
     def process(self, now: float) -> list[Decision]:
@@ -143,22 +121,24 @@ class Observer:
             that has diverged is begun again from the prior.
         """
         decisions: list[Decision] = []
-        used = self.used
-        for update in self._tracker.process(self.leader):
+        used = self._track.counts.used
+        for update in self._queue.process(self.leader):
+            east, north, up, v_east, v_north, v_up = update.x.tolist()
             self.last = Estimate(
                 at_s=now,
                 epoch_utc_s=update.epoch_s,
-                position_enu=update.position,
-                velocity_enu=update.velocity,
-                covariance=tuple(update.covariance.ravel().tolist()),
+                position_enu=(east, north, up),
+                velocity_enu=(v_east, v_north, v_up),
+                covariance=tuple(update.P.ravel().tolist()),
                 probability=update.probability,
                 nis=update.nis,
                 rd_count=update.rd_count,
             )
             decisions.append(self.last)
-        if self.used > used:
+        used = self._track.counts.used - used
+        if used:
             self.last_used_s = now
-            self._recent.append((now, self.used - used))
+            self._recent.append((now, used))
         while self._recent and self._recent[0][0] < now - RATE_WINDOW_S:
             self._recent.popleft()
         decisions += self._examine(now)
@@ -169,12 +149,12 @@ class Observer:
 
     def _examine(self, now: float) -> list[Decision]:
         """What is new about the track's health."""
-        verdict, said = self._tracker.verdict, self._said
+        verdict, said = self._track.verdict, self._said
         self._said = verdict
         if (verdict.status, verdict.cause) == (said.status, said.cause):
             return []
         if verdict.status == "diverged":
-            self._tracker.restart()
+            self._track.restart()
             self.restarted = True
         return [
             HealthChanged(
@@ -233,9 +213,9 @@ class Observer:
         """Predict :attr:`target` to an instant; without the time it stays what it was."""
         if utc_s is None:
             return
-        state, covariance = self._tracker.predict_to(utc_s)
-        self.covariance = covariance
-        self.target = _target(state, covariance)
+        believed = self._track.believed_at(utc_s)
+        self.covariance = believed.P
+        self.target = _target(believed.x, believed.P)
 
     def rate_hz(self) -> float:
         """Range differences used per second, over the last seconds."""

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from swarmctl.estimation.filters import FILTERS, Filters
 from swarmctl.estimation.model.prior import Prior, sector
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.linear_track import LinearTrack
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.estimation.track.protocol import Track
-from swarmctl.estimation.track.track import Estimator
+from swarmctl.estimation.track.track import Track
 from swarmctl.mission.mission_file import Mission
 from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
 
@@ -87,15 +87,18 @@ def receiver_errors(mission: Mission) -> ReceiverErrors:
     )
 
 
-def new_track(mission: Mission) -> Track:
-    """The track that the mission asks for, begun from its prior."""
-    prior, model = emitter_prior(mission), mission.filter
-    if model.kind == "ncrkf":
-        return LinearTrack(prior, process_noise(mission))
+def new_track(mission: Mission, filters: Filters = FILTERS) -> Track:
+    """The track that the mission asks for, begun from its prior.
+
+    Args:
+        mission: Its ``filter.kind`` names one of the filters.
+        filters: What there is to choose from.
+    """
+    model = mission.filter
     speed = model.manoeuvre_speed_mps
-    return Estimator(
-        prior,
-        receiver_errors(mission),
+    behaviour = Behaviour(
         process_noise(mission),
-        manoeuvre=Manoeuvre(speed, is_level=True) if speed > 0.0 else None,
+        receiver_errors(mission),
+        Manoeuvre(speed, is_level=True) if speed > 0.0 else None,
     )
+    return filters.track(model.kind, emitter_prior(mission), behaviour)

@@ -145,9 +145,9 @@ def take_snapshot(controller: Controller, now: float) -> Snapshot:
         vehicles=tuple(vehicles),
         estimate=_estimate(controller, now),
         rd_rate_hz=observer.rate_hz(),
-        rd_used=observer.used,
-        rd_aside=observer.aside,
-        rd_dropped=observer.dropped,
+        rd_used=observer.counts.used,
+        rd_aside=observer.counts.aside,
+        rd_dropped=observer.counts.dropped,
     )
 
 

@@ -172,15 +172,16 @@ class Station:
 
     def counts(self) -> TrafficCounts:
         """What went in and out, for the summary."""
+        counts = self.controller.observer.counts
         return {
             "mavlink_messages_in": self.link.messages_in,
             "setpoints_out": self.link.setpoints_out,
             "setpoints_dropped": self.link.setpoints_dropped,
             "mavlink_rejected": sum(self.link.rejected.values()),
             "feed_rejected": sum(self.intake.rejected.values()),
-            "rd_dropped": self.controller.observer.dropped,
-            "rd_aside": self.controller.observer.aside,
-            "rd_repeated": self.controller.observer.repeated,
+            "rd_dropped": counts.dropped,
+            "rd_aside": counts.aside,
+            "rd_repeated": counts.repeated,
         }
 
     def _record_truth(self, topic: str, payload: bytes, now: float) -> None:

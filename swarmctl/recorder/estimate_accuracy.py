@@ -14,9 +14,9 @@ from swarmctl.decisions import Estimate
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.feed.alignment import PositionHistory
 from swarmctl.estimation.feed.pairing import Arrival, differences
-from swarmctl.estimation.kernels.augmented import star
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.estimation.model.rows import star
 from swarmctl.events import ArrivalTime, RangeDifferences
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.errors import UsageError
-from swarmctl.estimation.kernels.augmented import star
+from swarmctl.estimation.filters import FILTERS
 from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.track import Estimator
+from swarmctl.estimation.model.rows import star
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.executors import in_order
 from swarmctl.study.receivers import Receivers, Reception
@@ -40,7 +40,7 @@ UNTIL_S = 12.0
 """How long each run lasts, s."""
 WITHIN_S = 5.0
 """How soon it must be said, s."""
-AN_HOUR = 1.0
+MAX_FALSE_ALARMS_PER_HOUR = 1.0
 """False alarms an hour of good data, at most."""
 
 
@@ -212,7 +212,7 @@ def _listen(
     prior: Prior, epochs: Sequence[tuple[float, Array, Array]], C: Array, fault: str
 ) -> _Said:
     """Fly one run, and note what the health says."""
-    track = Estimator(prior, ReceiverErrors(), (0.01, 0.01), manoeuvre=MANOEUVRE)
+    track = FILTERS.track("tracker", prior, Behaviour((0.01, 0.01), manoeuvre=MANOEUVRE))
     good_until_s = UNTIL_S + 1.0 if fault == GOOD else FROM_S
     false_alarms, was_well = 0, True
     for time_s, positions, rd in epochs:
@@ -233,7 +233,7 @@ def _row(fault: str, said: Sequence[_Said]) -> Row:
     after_s = np.array([one.after_s for one in said])
     named = None if good else share(int((after_s <= WITHIN_S + 1e-6).sum()), runs)
     shortfalls = []
-    if alarms.low > AN_HOUR:
+    if alarms.low > MAX_FALSE_ALARMS_PER_HOUR:
         shortfalls.append(f"{fault}: at least {alarms.low:.2f} false alarms an hour, above 1")
     if named is not None and named.high < 1.0:
         shortfalls.append(

@@ -17,11 +17,12 @@ import numpy as np
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.bounds.consistency import nees
-from swarmctl.estimation.kernels.augmented import star
+from swarmctl.estimation.estimate import Estimate
+from swarmctl.estimation.filters import FILTERS
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.track.modes import Estimate
-from swarmctl.estimation.track.track import Estimator
+from swarmctl.estimation.model.rows import star
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study.campaign import Log
 from swarmctl.study.engagement import Engagement, Moment, fly
 from swarmctl.study.filters import Filter
@@ -217,7 +218,9 @@ def _track_run(
     case: Case, prior: Prior, heard: Sequence[Heard], run: int, *, with_echoes: bool
 ) -> Tracked:
     """Fly it through one run."""
-    track = Estimator(prior, case.receivers.errors, case.process_noise, manoeuvre=MANOEUVRE)
+    track = FILTERS.track(
+        "tracker", prior, Behaviour(case.process_noise, case.receivers.errors, MANOEUVRE)
+    )
     at = {round(time_s / case.period_s): i for i, time_s in enumerate(case.times_s)}
     error = np.full((len(at), 4), np.nan)
     claimed = np.full((len(at), 4, 4), np.nan)
@@ -264,7 +267,7 @@ def _track_run(
         silent[None],
         np.array([first_s]),
         np.array([first_nees]),
-        np.array([track.aside / max(track.aside + track.used, 1)]),
+        np.array([track.counts.aside / max(track.counts.aside + track.counts.used, 1)]),
         np.array([degraded]),
     )
 

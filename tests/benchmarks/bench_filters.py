@@ -24,9 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.feed.measurement_queue import Tracker
+from swarmctl.estimation.feed.measurement_queue import MeasurementQueue
+from swarmctl.estimation.filters import FILTERS
 from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.track.linear_track import LinearTrack
+from swarmctl.estimation.track.behaviour import Behaviour
+from swarmctl.estimation.track.track import Track
 from swarmctl.study import filters
 from swarmctl.study.engagement import Engagement
 from swarmctl.study.filters import Filter
@@ -55,7 +57,9 @@ BATCH_EKF = f"batch of {BATCH}: EKF, the paper's"
 """The rows the ratios refer to."""
 
 Message = tuple[float, list[Vector], Vector, list[float]]
-"""What the tracker hears of one epoch: when, positions, velocity, range differences."""
+"""What the live feed hears of one epoch: when, positions, velocity, range differences."""
+
+Live = tuple[MeasurementQueue, Track]
 
 
 # --- Ours ------------------------------------------------------------------------------
@@ -89,35 +93,36 @@ def live_tracker(flight: Flight) -> Contestant:
     covariance[up, up] = 1.0, 0.01
     means = np.zeros((SINGLES, 6))
     means[:, horizontal] = start.x[:SINGLES]
-    trackers = [
-        Tracker(
-            LinearTrack(Prior(mean, covariance), np.zeros(3).tolist()),
-            Prior(mean, covariance),
-            vehicles=range(len(HEIGHTS)),
-            sigma_p_m=flight.scans[0].sigma_p,
-            process_noise=np.zeros(3),
-        )
+    tracks = [
+        FILTERS.track("ncrkf", Prior(mean, covariance), Behaviour((0.0, 0.0, 0.0)))
         for mean in means
+    ]
+    sigma_p_m = flight.scans[0].sigma_p
+    lives = [
+        (MeasurementQueue(track, vehicles=range(len(HEIGHTS)), sigma_p_m=sigma_p_m), track)
+        for track in tracks
     ]
     messages = [
         [_message(flight, k, trial) for k in range(len(flight.scans))] for trial in range(SINGLES)
     ]
     sigma = np.sqrt(np.diag(flight.scans[0].rd_covariance)).tolist()
 
-    def step(tracker: Tracker, message: Message) -> Tracker:
+    def step(live: Live, message: Message) -> Live:
+        queue, _ = live
         epoch_s, places, velocity, rd = message
         for vehicle, place in enumerate(places):
-            tracker.add_position(vehicle, epoch_s, place, velocity)
-        tracker.add_range_differences(epoch_s, 0, (1, 2, 3), rd, sigma, 0.0)
-        if len(tracker.process()) != 1:
+            queue.add_position(vehicle, epoch_s, place, velocity)
+        queue.add_range_differences(epoch_s, 0, (1, 2, 3), rd, sigma, 0.0)
+        if len(queue.process()) != 1:
             raise SystemExit("The tracker did not use an epoch's measurements.")
-        return tracker
+        return live
 
-    def read(tracker: Tracker) -> Answer:
-        return tracker.predict_to(tracker.epoch_s or 0.0)
+    def read(live: Live) -> Answer:
+        believed = live[1].latest()
+        return believed.x, believed.P
 
-    name = "live: Tracker, 3-D, positions and RDs in"
-    return one_at_a_time(name, trackers, messages, step, read)
+    name = "live: queue and track, 3-D, positions and RDs in"
+    return one_at_a_time(name, lives, messages, step, read)
 
 
 def _message(flight: Flight, k: int, trial: int) -> Message:

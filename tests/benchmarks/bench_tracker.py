@@ -23,13 +23,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarmctl.estimation.filters import FILTERS
 from swarmctl.estimation.kernels import ekf
-from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.estimation.model.rows import Rows, star
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.estimation.track.track import Estimator
 from swarmctl.units import Array
 
 PERIOD_S = 0.1
@@ -82,7 +83,7 @@ def feed(companions: int, seconds: int) -> list[Rows]:
 def tracker(name: str, companions: int, errors: ReceiverErrors, *, manoeuvring: bool) -> Contestant:
     """The live tracker."""
     manoeuvre = Manoeuvre(20.0) if manoeuvring else None
-    track = Estimator(PRIOR, errors, PSD.tolist(), manoeuvre=manoeuvre)
+    track = FILTERS.track("tracker", PRIOR, Behaviour(PSD.tolist(), errors, manoeuvre))
     return Contestant(name, companions, track.update)
 
 

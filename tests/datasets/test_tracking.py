@@ -122,7 +122,9 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
 RING = [(j, (j + 1) % 8) for j in range(8)]
 
 
-def ring(seed: int, emitters: list[Array], outliers: float) -> tuple[ReceiverPositions, list[Epoch]]:
+def ring(
+    seed: int, emitters: list[Array], outliers: float
+) -> tuple[ReceiverPositions, list[Epoch]]:
     """All neighbouring pairs at 20 Hz, a share of the rows far off, each by itself."""
     rng = np.random.default_rng(seed)
     receivers = read_receivers(ROOM / "receivers.csv")
@@ -317,7 +319,9 @@ def test_rows_of_a_receiver_whose_position_ends_are_left_out_and_counted() -> No
     counts = Counts()
     receivers, epochs = flight(0)
     short = Trajectory(TIMES[:21], receivers.trajectories[3].positions[:21])
-    end = last(ReceiverPositions(receivers.names, (*receivers.trajectories[:3], short)), epochs, counts)
+    end = last(
+        ReceiverPositions(receivers.names, (*receivers.trajectories[:3], short)), epochs, counts
+    )
     assert counts.unplaced == 199  # one row in each of the epochs after 20 s
     assert counts.epochs == 400
     assert end.x is not None

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 

@@ -7,7 +7,7 @@ import pytest
 
 from swarmctl.decisions import Decision, HealthChanged
 from swarmctl.events import ArrivalTime, RangeDifference, RangeDifferences, VehiclePosition
-from swarmctl.mission.emitter_tracking import Observer
+from swarmctl.mission.emitter_tracking import EmitterTracking
 from swarmctl.mission.filter_settings import emitter_prior, expected_enu, process_noise
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
@@ -22,7 +22,7 @@ PLACES: dict[int, Vector] = {
 }
 
 
-def report(observer: Observer, epoch: float | None) -> None:
+def report(observer: EmitterTracking, epoch: float | None) -> None:
     for sysid, place in PLACES.items():
         lat, lon, alt = MISSION.frame.to_geodetic(*place)
         observer.position(
@@ -40,7 +40,7 @@ def report(observer: Observer, epoch: float | None) -> None:
         )
 
 
-def measure(observer: Observer, epoch: float, emitter: Vector) -> None:
+def measure(observer: EmitterTracking, epoch: float, emitter: Vector) -> None:
     noise = np.random.default_rng(round(1000 * epoch)).normal(0.0, 3.0 / math.sqrt(2.0), 5)
     ranges = {s: math.dist(emitter, place) + noise[s] for s, place in PLACES.items()}
     observer.range_differences(
@@ -56,7 +56,7 @@ def measure(observer: Observer, epoch: float, emitter: Vector) -> None:
     )
 
 
-def arrive(observer: Observer, sysid: int, seconds: int, emitter: Vector) -> None:
+def arrive(observer: EmitterTracking, sysid: int, seconds: int, emitter: Vector) -> None:
     observer.arrival(
         ArrivalTime(
             received_s=0.0,
@@ -81,14 +81,14 @@ def test_the_prior_is_the_missions() -> None:
     assert expected_enu(MISSION) == pytest.approx(mean[:3])
     assert np.sqrt(np.diag(covariance)) == pytest.approx([100, 100, 1, 1.5, 1.5, 0.001])
     assert process_noise(MISSION) == pytest.approx((4e-4, 4e-4, 0.0))
-    observer = Observer(MISSION, 0.0)
+    observer = EmitterTracking(MISSION, 0.0)
     assert observer.target.sigma_m == 100.0
     assert observer.process(0.0) == []
     assert observer.last_used_s is None
 
 
 def test_measurements_draw_the_target_to_the_emitter() -> None:
-    observer = Observer(MISSION, 0.0)
+    observer = EmitterTracking(MISSION, 0.0)
     east, north, up = observer.target.position_enu
     emitter = (east + 50.0, north - 30.0, up)
     found: list[Decision] = []
@@ -101,8 +101,8 @@ def test_measurements_draw_the_target_to_the_emitter() -> None:
     (health,) = [decision for decision in found if isinstance(decision, HealthChanged)]
     assert health.status == "tracking"
     assert len(found) == 301
-    assert observer.used == 900
-    assert observer.dropped == 0
+    assert observer.counts.used == 900
+    assert observer.counts.dropped == 0
     assert observer.rate_hz() == pytest.approx(30.0, rel=0.03)
     error = math.dist(observer.target.position_enu[:2], emitter[:2])
     assert error < observer.target.sigma_m < 30.0
@@ -110,7 +110,7 @@ def test_measurements_draw_the_target_to_the_emitter() -> None:
 
 @pytest.mark.parametrize("leader", [1, 3])
 def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
-    stamped, differenced = Observer(MISSION, 0.0), Observer(MISSION, 0.0)
+    stamped, differenced = EmitterTracking(MISSION, 0.0), EmitterTracking(MISSION, 0.0)
     stamped.leader = leader
     east, north, up = stamped.target.position_enu
     emitter = (east + 50.0, north - 30.0, up)
@@ -122,7 +122,10 @@ def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
         measure(differenced, float(second), emitter)
         stamped.process(0.0)
         differenced.process(0.0)
-    assert (stamped.used, differenced.used) == (30, 33)  # the last burst waits for positions
+    assert (stamped.counts.used, differenced.counts.used) == (
+        30,
+        33,
+    )  # the last burst waits for positions
     assert stamped.last is not None
     path_s = math.dist(emitter, PLACES[leader]) / SPEED_OF_LIGHT_MPS
     assert stamped.last.epoch_utc_s == pytest.approx(1009.0 + path_s, abs=1e-9)
@@ -133,7 +136,7 @@ def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
 
 
 def test_receivers_that_do_not_fit_together_are_complained_of_once() -> None:
-    observer = Observer(MISSION, 0.0)
+    observer = EmitterTracking(MISSION, 0.0)
     for second in range(1000, 1015):
         report(observer, float(second))
         arrive(observer, 1, second, (400.0, 700.0, 0.0))
@@ -150,24 +153,24 @@ def test_receivers_that_do_not_fit_together_are_complained_of_once() -> None:
             )
         )
         observer.process(0.0)
-    assert observer.used == 0
-    assert observer.dropped > 10
+    assert observer.counts.used == 0
+    assert observer.counts.dropped > 10
     (complaint,) = observer.complaints()
     assert complaint.startswith("receiver 1 heard burst 1000 -0.49")
     assert observer.complaints() == []
 
 
 def test_positions_without_an_epoch_are_of_no_use() -> None:
-    observer = Observer(MISSION, 0.0)
+    observer = EmitterTracking(MISSION, 0.0)
     report(observer, None)
     measure(observer, 1000.0, (400.0, 700.0, 0.0))
     report(observer, 1001.0)
     assert observer.process(0.0) == []
-    assert observer.dropped == 3
+    assert observer.counts.dropped == 3
 
 
 def test_the_target_stays_while_the_time_is_unknown() -> None:
-    observer = Observer(MISSION, 0.0)
+    observer = EmitterTracking(MISSION, 0.0)
     before = observer.target
     observer.predict(None)
     assert observer.target is before

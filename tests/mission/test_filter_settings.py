@@ -5,10 +5,17 @@ import math
 import numpy as np
 import pytest
 
+from swarmctl.estimation.filters import FILTERS, Filters, NewKernel
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.linear_track import LinearTrack
-from swarmctl.estimation.track.track import Estimator
-from swarmctl.mission.filter_settings import emitter_prior, expected_enu, new_track, receiver_errors
+from swarmctl.estimation.track.behaviour import Behaviour
+from swarmctl.estimation.track.kernel import Kernel
+from swarmctl.mission.filter_settings import (
+    emitter_prior,
+    expected_enu,
+    new_track,
+    process_noise,
+    receiver_errors,
+)
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.missions import short_mission_text
@@ -66,5 +73,20 @@ def test_nanoseconds_are_metres() -> None:
 
 
 def test_the_kind_says_what_tracks() -> None:
-    assert isinstance(new_track(parse_mission(short_mission_text())), LinearTrack)
-    assert isinstance(new_track(in_a_sector()), Estimator)
+    made: list[tuple[str, Behaviour]] = []
+
+    def noting(name: str) -> NewKernel:
+        def make(behaviour: Behaviour) -> Kernel:
+            made.append((name, behaviour))
+            return FILTERS[name](behaviour)
+
+        return make
+
+    filters = Filters({name: noting(name) for name in FILTERS})
+    missions = parse_mission(short_mission_text()), in_a_sector()
+    for mission in missions:
+        new_track(mission, filters)
+    assert [name for name, _ in made] == ["ncrkf", "tracker"]
+    for mission, (_, behaviour) in zip(missions, made, strict=True):
+        assert behaviour.process_noise.tolist() == list(process_noise(mission))
+        assert behaviour.errors == receiver_errors(mission)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.integrity.health import Status, Verdict
-from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.estimation.track.modes import Estimate
+from swarmctl.estimation.model.rows import Rows
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study import track_runs
 from swarmctl.study.track_cases import CASES, Case, Gap
 from swarmctl.study.track_runs import JUDGED, Chunk, Tracked, fly_chunk
@@ -38,15 +38,13 @@ class Scripted:
 
     def __init__(
         self,
+        name: str,
         prior: Prior,
-        errors: ReceiverErrors,
-        process_noise: Sequence[float],
-        *,
-        manoeuvre: Manoeuvre,
+        behaviour: Behaviour,
     ) -> None:
-        del prior, errors, process_noise, manoeuvre
+        del name, prior, behaviour
         self.taken: list[Rows] = []
-        self.used, self.aside = 3, 1
+        self.counts = Counts(used=3, aside=1)
         self.is_resolved = len(self.hypotheses) == 1
         self.verdict = Verdict("initialising", None, 1.0, 0.0, 0.0)
         self.made.append(self)
@@ -80,7 +78,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> type[Scripted]:
         made: ClassVar[list[Scripted]] = []
         statuses: Sequence[Status] = ("tracking",)
 
-    monkeypatch.setattr(track_runs, "Estimator", Mine)
+    monkeypatch.setattr(track_runs, "FILTERS", SimpleNamespace(track=Mine))
     return Mine
 
 

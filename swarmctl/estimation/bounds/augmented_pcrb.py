@@ -11,8 +11,9 @@ import numpy as np
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import as_finite
-from swarmctl.estimation.kernels.augmented import Rows, linearise
+from swarmctl.estimation.kernels.augmented import linearise
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array
 
 

@@ -1,4 +1,4 @@
-"""The live tracker: positions, and range differences or arrival times, in; track out.
+"""The live feed of a track: positions, and range differences or arrival times, in; rows out.
 
 Messages may come late, out of order, twice, or not at all. Time is measurement epochs only
 (UTC s); how long to wait for a position is judged by the epochs of newer positions.
@@ -8,83 +8,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.arguments import as_finite, as_not_negative
+from swarmctl.estimation.arguments import as_not_negative
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.feed.alignment import SwarmPositions
+from swarmctl.estimation.feed.locating import locate
 from swarmctl.estimation.feed.pairing import Arrival, Burst, Measurement, Pairing, differences
-from swarmctl.estimation.integrity.health import Verdict
-from swarmctl.estimation.kernels.augmented import star
-from swarmctl.estimation.model import motion
-from swarmctl.estimation.model.prior import Prior
-from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
-from swarmctl.estimation.track.protocol import Track
-from swarmctl.units import SPEED_OF_LIGHT_MPS, Array, Vector
-
-_ABSURD = 1e6
-"""No UAV, range difference or sigma of this system reaches a thousand kilometres (nor a
-thousand kilometres a second): such a number is corrupt."""
-_ABSURD_S = 1e11
-"""Nor has any clock of it counted three thousand years."""
+from swarmctl.estimation.feed.plausibility import are_plausible, is_arrival_plausible
+from swarmctl.estimation.track.track import Track
+from swarmctl.units import Vector
 
 
-class TrackUpdate(NamedTuple):
-    """The track after one epoch's range differences.
+class MeasurementQueue:
+    """Turns a swarm's positions and range differences or arrival times into a track's rows.
 
-    Attributes:
-        epoch_s: Epoch the state refers to, s: that of the newest measurement used.
-        position: East, north, up, m, where it most probably is.
-        velocity: East, north, up, m/s.
-        covariance: Of [position, velocity], (6, 6), SI; it spans the places not excluded yet.
-        probability: That the emitter is here and not at one of those.
-        nis: Normalised innovation squared, chi-squared with ``rd_count`` degrees of freedom.
-        rd_count: Range differences in this update, without those set aside as echoes.
-    """
-
-    epoch_s: float
-    position: Vector
-    velocity: Vector
-    covariance: Array
-    probability: float
-    nis: float
-    rd_count: int
-
-
-class Tracker:
-    """Estimates one emitter from a swarm's positions and range differences or arrival times.
-
-    What estimates is a :class:`~swarmctl.estimation.track.protocol.Track`; this is the live feed
-    before it. The prior holds at the epoch of the first measurement used. Range differences of one
-    epoch and reference are one measurement, with the noise they share. Those that arrive after the
-    rest of their epoch was used are an update of their own: right but for that shared noise.
+    Range differences of one epoch and reference are one measurement, with the noise they share.
+    Those that arrive after the rest of their epoch was used are an update of their own: right
+    but for that shared noise.
 
     Arrival times of one burst are one measurement, too, once it waits for no receiver
     (:class:`~swarmctl.estimation.feed.pairing.Pairing`): range differences against one of them,
     whose arrival time is the epoch. A burst must not come in both ways, or it counts twice.
 
     Attributes:
-        dropped: What was not used, by reason. Range differences: ``invalid`` (not finite,
-            absurd, sigma <= 0, rho outside [0, 1), receiver = reference), ``duplicate``,
-            ``too_old`` (more than ``history_s`` behind the track), ``no_position`` (a
-            vehicle's position is not known near the epoch), ``singular`` (the update has no
-            finite result). Arrival times: the same but for ``singular``, and ``late``,
-            ``alone``, ``times_apart``, ``numbers_differ`` of
+        dropped: How many measurements were not used, by reason. Range differences: ``invalid``
+            (not finite, absurd, sigma <= 0, rho outside [0, 1), receiver = reference),
+            ``duplicate``, ``too_old`` (more than ``history_s`` behind the track),
+            ``no_position`` (a vehicle's position is not known near the epoch), ``singular`` (the
+            update has no finite result). Arrival times: the same but for ``singular``, and
+            ``late``, ``alone``, ``times_apart``, ``numbers_differ`` of
             :class:`~swarmctl.estimation.feed.pairing.Pairing`. Positions: ``invalid_position``
             (not finite or absurd).
         complaints: A sentence for each way in which receivers' bursts were first seen not to
             fit together, or measurements to be of another time than positions.
 
     Args:
-        track: What estimates, begun from ``prior``.
-        prior: Of position and velocity, (6,), m and m/s, ENU. The height of an emitter on the
-            ground or the sea is a small variance here.
+        track: The track to feed.
         vehicles: System ids of the UAVs that may measure.
         sigma_p_m: 1-sigma of the vehicles' reported positions, per axis, m.
-        process_noise: Spectral density of the emitter's acceleration, (3,), m²/s³.
         max_wait_s: How much newer the newest position of any vehicle may get before a
             measurement no longer waits for its own vehicles' next positions, s.
         max_burst_wait_s: How much newer the arrivals at two receivers may get before a burst no
@@ -93,26 +55,21 @@ class Tracker:
         max_extrapolation_s: How far from its nearest sample a vehicle's position is used, s.
 
     Raises:
-        EstimationError: An argument has the wrong shape, is not finite or negative.
+        EstimationError: A number is not finite or negative.
     """
 
     def __init__(
         self,
         track: Track,
-        prior: Prior,
         *,
         vehicles: Collection[int],
         sigma_p_m: float,
-        process_noise: ArrayLike,
         max_wait_s: float = 0.3,
         max_burst_wait_s: float = 1.0,
         history_s: float = 5.0,
         max_extrapolation_s: float = 0.5,
     ) -> None:
         self._track = track
-        self._prior = prior
-        self._psd = as_finite("process_noise", process_noise, 3)
-        motion.process_noise(0.0, self._psd)
         self._vehicles = frozenset(vehicles)
         self._sigma_p = as_not_negative("sigma_p_m", sigma_p_m)
         self._history_s = as_not_negative("history_s", history_s)
@@ -121,43 +78,20 @@ class Tracker:
             as_not_negative("max_extrapolation_s", max_extrapolation_s),
             as_not_negative("max_wait_s", max_wait_s),
         )
-
-        self._begun_s: float | None = None
         self._pending: dict[tuple[float, int], dict[int, Measurement]] = {}
         self._used_receivers: dict[tuple[float, int], set[int]] = {}
-
         self._pairing = Pairing(
             self._vehicles, as_not_negative("max_burst_wait_s", max_burst_wait_s)
         )
-
         self.dropped = self._pairing.dropped
         self.complaints = self._pairing.complaints
         self._is_time_complained = False
 
     @property
-    def epoch_s(self) -> float | None:
-        """Epoch of the track, s; None before the first measurement."""
-        return None if self._begun_s is None else self._track.epoch_s
-
-    @property
-    def used(self) -> int:
-        """Range differences used."""
-        return self._track.used
-
-    @property
-    def aside(self) -> int:
-        """Range differences set aside as echoes."""
-        return self._track.aside
-
-    @property
-    def repeated(self) -> int:
-        """Range differences left out as copies of earlier ones."""
-        return self._track.repeated
-
-    @property
-    def verdict(self) -> Verdict:
-        """Whether the track may be believed."""
-        return self._track.verdict
+    def counts(self) -> Counts:
+        """What became of the range differences and arrival times."""
+        dropped = self.dropped.total() - self.dropped["invalid_position"]
+        return self._track.counts._replace(dropped=dropped)
 
     def add_position(
         self, vehicle: int, epoch_s: float, position_enu: Vector, velocity_enu: Vector
@@ -171,10 +105,10 @@ class Tracker:
             velocity_enu: m/s.
 
         Raises:
-            EstimationError: The vehicle is none of the tracker's.
+            EstimationError: The vehicle is not in the swarm.
         """
         self._require_known("vehicle", vehicle)
-        if not (math.isfinite(epoch_s) and _is_plausible(*position_enu, *velocity_enu)):
+        if not (math.isfinite(epoch_s) and are_plausible(*position_enu, *velocity_enu)):
             self.dropped["invalid_position"] += 1
             return
         self._positions.add(vehicle, epoch_s, position_enu, velocity_enu)
@@ -200,7 +134,7 @@ class Tracker:
 
         Raises:
             EstimationError: The three sequences differ in length, or the reference or a
-                receiver is none of the tracker's vehicles.
+                receiver is not in the swarm.
         """
         self._require_known("reference", reference)
         for receiver in receivers:
@@ -217,7 +151,7 @@ class Tracker:
         used = self._used_receivers.get(key, ())
         pending = self._pending.get(key, {})
         for receiver, rd, sigma in zip(receivers, rd_m, sigma_m, strict=True):
-            if receiver == reference or not (sigma > 0.0 and _is_plausible(rd, sigma)):
+            if receiver == reference or not (sigma > 0.0 and are_plausible(rd, sigma)):
                 self.dropped["invalid"] += 1
             elif receiver in pending or receiver in used:
                 self.dropped["duplicate"] += 1
@@ -239,20 +173,15 @@ class Tracker:
             sigma_s: 1-sigma of its own error, s.
 
         Raises:
-            EstimationError: The receiver is none of the tracker's vehicles.
+            EstimationError: The receiver is not in the swarm.
         """
         self._require_known("receiver", receiver)
-        if (
-            0.0 <= toa_frac_s < 1.0
-            and abs(toa_s) <= _ABSURD_S
-            and sigma_s > 0.0
-            and _is_plausible(SPEED_OF_LIGHT_MPS * sigma_s)
-        ):
+        if is_arrival_plausible(toa_s, toa_frac_s, sigma_s):
             self._pairing.add(burst, Arrival(receiver, toa_s, toa_frac_s, sigma_s))
         else:
             self.dropped["invalid"] += 1
 
-    def process(self, leader: int | None = None) -> list[TrackUpdate]:
+    def process(self, leader: int | None = None) -> list[Estimate]:
         """Use every pending measurement whose time has come, in the order of their epochs.
 
         A measurement older than the track updates the state expressed at its own epoch, which
@@ -263,7 +192,8 @@ class Tracker:
                 burst; else, or for None, the least system id's.
 
         Returns:
-            One entry per measurement used, the track after it.
+            For each measurement used, the estimate after it: where the emitter most probably
+            is, with a covariance that spans the places not excluded yet.
         """
         updates = []
         for key in sorted(self._pending):
@@ -282,42 +212,12 @@ class Tracker:
             self._forget_before(updates[-1].epoch_s - self._history_s)
         return updates
 
-    def predict_to(self, epoch_s: float) -> tuple[Array, Array]:
-        """State and covariance at an epoch; the track itself stays as it is.
-
-        Args:
-            epoch_s: s. Before the track's own epoch the state goes back without process noise.
-
-        Returns:
-            x (6,) and P (6, 6): the most probable state, with the covariance of all that are
-            still possible; while there is none the prior, grown old.
-
-        Raises:
-            EstimationError: The epoch is not finite.
-        """
-        if not math.isfinite(epoch_s):
-            raise EstimationError(f"epoch_s must be finite, not {epoch_s!r}.")
-        if self._track.estimates():
-            estimate = self._track.mixture_to(epoch_s)
-            return estimate.x.copy(), estimate.P.copy()
-        return self._aged_prior(epoch_s)
-
-    def restart(self) -> None:
-        """Begin again from the prior as it is by now; the counts go on."""
-        if self._begun_s is not None:
-            self._track.restart(Prior(*self._aged_prior(self._track.epoch_s)))
-
-    def _aged_prior(self, epoch_s: float) -> tuple[Array, Array]:
-        x, P = self._prior
-        elapsed_s = 0.0 if self._begun_s is None else max(0.0, epoch_s - self._begun_s)
-        return motion.predict(x, P, elapsed_s, self._psd)
-
     def _require_known(self, name: str, vehicle: int) -> None:
         if vehicle not in self._vehicles:
             known = ", ".join(str(sysid) for sysid in sorted(self._vehicles))
             raise EstimationError(f"{name} {vehicle} is unknown: the vehicles are {known}.")
 
-    def _try(self, burst: Burst, leader: int | None) -> TrackUpdate | None:
+    def _try(self, burst: Burst, leader: int | None) -> Estimate | None:
         """Use a burst whose time has come; give up one whose time is past, or far ahead."""
         arrivals = burst.arrivals
         epoch_s = _reference(arrivals, leader).epoch_s
@@ -364,59 +264,26 @@ class Tracker:
 
     def _use(
         self, epoch_s: float, reference: int, measurements: dict[int, Measurement]
-    ) -> TrackUpdate | None:
-        if self._begun_s is not None and epoch_s < self._track.epoch_s - self._history_s:
+    ) -> Estimate | None:
+        if self._track.is_begun and epoch_s < self._track.epoch_s - self._history_s:
             self.dropped["too_old"] += len(measurements)
             self._complain_of_time(epoch_s, "range differences")
             return None
         if self._positions.are_far_behind(epoch_s):
             self._complain_of_time(epoch_s, "range differences")
-        reference_at = self._positions.at(reference, epoch_s)
-        companions = {receiver: self._positions.at(receiver, epoch_s) for receiver in measurements}
-        receivers = [
-            receiver
-            for receiver, position in companions.items()
-            if reference_at is not None and position is not None
-        ]
+        located = locate(self._positions, epoch_s, reference, measurements, self._sigma_p)
+        receivers = () if located is None else located.measured.receivers
         if len(receivers) < len(measurements):
             self.dropped["no_position"] += len(measurements) - len(receivers)
-        if not receivers:
+        if located is None:
             return None
-
-        rd, sigma, rho = np.array([measurements[receiver] for receiver in receivers]).T
-        rows = star(
-            epoch_s,
-            reference,
-            np.array(reference_at),
-            receivers,
-            np.array([companions[receiver] for receiver in receivers]),
-            rd,
-            effective_covariance(rd_covariance(sigma, rho), self._sigma_p),
-            self._sigma_p,
-        )
         try:
-            has_estimate = self._track.update(rows)
+            has_estimate = self._track.update(located.rows)
         except EstimationError:
             self.dropped["singular"] += len(receivers)
             return None
-        if self._begun_s is None:
-            self._begun_s = epoch_s
         self._used_receivers.setdefault((epoch_s, reference), set()).update(receivers)
-        return self._updated() if has_estimate else None
-
-    def _updated(self) -> TrackUpdate:
-        track = self._track
-        estimate = track.mixture_to(track.epoch_s)
-        east, north, up, v_east, v_north, v_up = estimate.x.tolist()
-        return TrackUpdate(
-            track.epoch_s,
-            (east, north, up),
-            (v_east, v_north, v_up),
-            estimate.P.copy(),
-            estimate.probability,
-            float(track.innovation @ track.innovation),
-            len(track.innovation),
-        )
+        return self._track.latest()._replace(measured=located.measured) if has_estimate else None
 
     def _forget_before(self, oldest_s: float) -> None:
         """Forget which measurements were used once repeats would be too old anyway."""
@@ -427,7 +294,3 @@ class Tracker:
 def _reference(arrivals: Mapping[int, Arrival], leader: int | None) -> Arrival:
     """The arrival to difference against."""
     return arrivals[min(arrivals) if leader is None or leader not in arrivals else leader]
-
-
-def _is_plausible(*values: float) -> bool:
-    return all(-_ABSURD < value < _ABSURD for value in values)

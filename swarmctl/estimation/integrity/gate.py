@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array, Mask
 
 GATE = 4.0

@@ -25,7 +25,7 @@ from collections import deque
 
 import numpy as np
 
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array, Mask
 
 _SAME_M = 1e-6

@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from swarmctl.estimation.integrity.gate import GATE, consensus
-from swarmctl.estimation.kernels.augmented import Rows
 from swarmctl.estimation.model.prior import Prior, starts
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.estimation.track.window import Fit, Window
 from swarmctl.units import Array, Mask
 

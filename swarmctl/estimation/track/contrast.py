@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array, Mask
 
 _ALLOWED = 3.0
@@ -74,12 +74,12 @@ class Contrast:
         return share
 
 
-def nothing(modes: int) -> Contrast:
+def no_contrast(modes: int) -> Contrast:
     """Of any two of so many modes, (modes, modes), before the first epoch."""
     return Contrast(*np.zeros((3, modes, modes)))
 
 
-def between(
+def contrast_of_pair(
     c: Array, root: Array, receivers: NDArray[np.intp], turned: Array, delta: Array
 ) -> Contrast:
     """Between two modes.
@@ -103,7 +103,7 @@ def between(
     return Contrast(of_c @ of_c, np.trace(A), 2.0 * (A * A).sum())
 
 
-def of_epoch(rows: Rows, at: Array, nu: Array, S: Array, variance: float) -> Contrast:
+def contrast_in_epoch(rows: Rows, at: Array, nu: Array, S: Array, variance: float) -> Contrast:
     """Between any two modes in the rows of one epoch.
 
     Args:
@@ -122,7 +122,10 @@ def of_epoch(rows: Rows, at: Array, nu: Array, S: Array, variance: float) -> Con
     delta = np.full((len(rows.rd), len(rows.rd)), variance)
     modes, root = range(len(at)), np.linalg.cholesky(S)
     pairs = [
-        [between(nu[k] - nu[j], root[k], receivers, u[:, j] - u[:, k], delta) for j in modes]
+        [
+            contrast_of_pair(nu[k] - nu[j], root[k], receivers, u[:, j] - u[:, k], delta)
+            for j in modes
+        ]
         for k in modes
     ]
     return Contrast(

@@ -116,7 +116,7 @@ class Manoeuvre:
         return mixed, covariance, after
 
 
-def matched(x: Array, P: Array, weight: Array) -> tuple[Array, Array]:
+def moment_match(x: Array, P: Array, weight: Array) -> tuple[Array, Array]:
     """Mean and covariance of a mixture.
 
     Args:

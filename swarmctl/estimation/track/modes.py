@@ -10,17 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from swarmctl.errors import EstimationError
+from swarmctl.estimation.estimate import Estimate, Limits
 from swarmctl.estimation.kernels import augmented
-from swarmctl.estimation.kernels.augmented import Innovation, Rows
-from swarmctl.estimation.model.receiver_errors import Layout, ReceiverErrors, predict
-from swarmctl.estimation.track.contrast import Contrast, nothing
-from swarmctl.estimation.track.manoeuvre import Manoeuvre, matched
+from swarmctl.estimation.kernels.augmented import Innovation
+from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
+from swarmctl.estimation.model.rows import Rows
+from swarmctl.estimation.track.behaviour import Behaviour
+from swarmctl.estimation.track.contrast import Contrast, no_contrast
+from swarmctl.estimation.track.manoeuvre import moment_match
 from swarmctl.units import Array, Mask
 
 _IMPROBABLE = 1e-4
@@ -32,70 +33,6 @@ def is_probable(log_probability: Array) -> Mask:
     """Which modes are not to be forgotten, (S,) of booleans."""
     probable: Mask = log_probability > log_probability.max() + math.log(_IMPROBABLE)
     return probable
-
-
-class Estimate(NamedTuple):
-    """What is known of the emitter.
-
-    Attributes:
-        epoch_s: s.
-        x: Position and velocity, (2d,), SI.
-        P: Covariance, (2d, 2d).
-        probability: That it is here and not at one of the alternatives.
-        manoeuvre: Probability that the emitter is manoeuvring.
-    """
-
-    epoch_s: float
-    x: Array
-    P: Array
-    probability: float
-    manoeuvre: float
-
-
-class Limits(NamedTuple):
-    """What the position's variance would lose if something were known, as shares of it.
-
-    Attributes:
-        clock: If the clocks' biases and drifts were known.
-        navigation: If the receivers' positions were.
-        colour: If the coloured errors were.
-    """
-
-    clock: float
-    navigation: float
-    colour: float
-
-
-@dataclass(frozen=True)
-class Model:
-    """How emitter and receivers behave.
-
-    Attributes:
-        psd: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
-        errors: The receivers' error model.
-        manoeuvre: How the emitter may change its mind; None if it does not.
-    """
-
-    psd: Array
-    errors: ReceiverErrors
-    manoeuvre: Manoeuvre | None
-
-    @property
-    def d(self) -> int:
-        """Axes."""
-        return self.psd.size
-
-    @property
-    def layout(self) -> Layout:
-        """Of a receiver's states."""
-        return self.errors.layout(self.d)
-
-    @property
-    def psds(self) -> Array:
-        """``psd`` of each model of motion, (models, d)."""
-        if self.manoeuvre is None:
-            return self.psd[None]
-        return np.stack([self.psd, self.psd + self.manoeuvre.psd(self.d)])
 
 
 class Mixture:
@@ -110,7 +47,7 @@ class Mixture:
         best: Number of the mode to go by: the most probable, but for :meth:`keep_best`.
 
     Args:
-        model: How emitter and receivers behave.
+        behaviour: How emitter and receivers behave.
         x: States, (S, n), of the quiet model.
         P: Covariances, (S, n, n).
         log_probability: (S,).
@@ -118,11 +55,16 @@ class Mixture:
     """
 
     def __init__(
-        self, model: Model, x: Array, P: Array, log_probability: Array, places: dict[int, int]
+        self,
+        behaviour: Behaviour,
+        x: Array,
+        P: Array,
+        log_probability: Array,
+        places: dict[int, int],
     ) -> None:
-        self._model = model
-        self._layout = model.layout
-        self._psds = model.psds
+        self._behaviour = behaviour
+        self._layout = behaviour.layout
+        self._psds = behaviour.process_noises
         count = (len(x), len(self._psds))
         self.x: Array = np.broadcast_to(x[:, None], (*count, x.shape[-1])).copy()
         self.P: Array = np.broadcast_to(P[:, None], (*count, *P.shape[1:])).copy()
@@ -133,7 +75,7 @@ class Mixture:
         # What it was at first, and what has been measured since.
         self._at_first = log_probability
         self._measured: Array = np.zeros(len(x))
-        self._contrast = nothing(len(x))
+        self._contrast = no_contrast(len(x))
 
     def keep_manoeuvre(self, before: Mixture, modes: Sequence[int]) -> None:
         """Go on believing what was believed of a manoeuvre.
@@ -164,7 +106,7 @@ class Mixture:
 
     def admit(self, rows: Rows) -> None:
         """Give the receivers met for the first time their states."""
-        variance = self._model.errors.variance(self._model.d)
+        variance = self._behaviour.errors.variance(self._behaviour.d)
         for receiver in (*rows.first, *rows.second):
             if receiver in self.places:
                 continue
@@ -177,10 +119,10 @@ class Mixture:
 
     def predict(self, dt: float) -> None:
         """Time update by ``dt``, s, > 0."""
-        x, P, model = self.x, self.P, self._model
-        if model.manoeuvre is not None:
-            x, P, self.weight = model.manoeuvre.mix(x, P, self.weight, dt, model.d)
-        self.x, self.P = predict(x, P, dt, self._psds, model.errors, self._layout)
+        x, P, behaviour = self.x, self.P, self._behaviour
+        if behaviour.manoeuvre is not None:
+            x, P, self.weight = behaviour.manoeuvre.mix(x, P, self.weight, dt, behaviour.d)
+        self.x, self.P = predict(x, P, dt, self._psds, behaviour.errors, self._layout)
 
     def innovate(self, rows: Rows, lag_s: float, at: Array | None) -> Innovation:
         """As :func:`~swarmctl.estimation.kernels.augmented.innovate`."""
@@ -251,10 +193,10 @@ class Mixture:
             epoch_s: Of the states, s.
         """
         probability = self._probabilities()
-        n = 2 * self._model.d
+        n = 2 * self._behaviour.d
         found = []
         for k in sorted(range(len(self.x)), key=lambda k: (k != self.best, -probability[k])):
-            x, P = matched(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
+            x, P = moment_match(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
             turning = float(self.weight[k, 1:].sum())
             found.append(Estimate(epoch_s, x, P, float(probability[k]), turning))
         return found
@@ -279,9 +221,9 @@ class Mixture:
         return best, (self._probabilities()[:, None, None] * covariances).sum(0)
 
     def _mode_after(self, k: int, dt: float) -> tuple[Array, Array]:
-        d, n = self._model.d, 2 * self._model.d
+        d, n = self._behaviour.d, 2 * self._behaviour.d
         if dt <= 0.0:
-            x, P = matched(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
+            x, P = moment_match(self.x[k, :, :n], self.P[k, :, :n, :n], self.weight[k])
             F = np.eye(n)
             F[:d, d:] = dt * np.eye(d)
             return F @ x, F @ P @ F.T
@@ -293,7 +235,7 @@ class Mixture:
         """What limits the accuracy of the most probable mode now; the rest is noise."""
         k = self.best
         P = self.P[k, int(np.argmax(self.weight[k]))]
-        d, layout = self._model.d, self._layout
+        d, layout = self._behaviour.d, self._layout
         variance = float(np.trace(P[:d, :d]))
 
         def known(*parts: tuple[int | None, int]) -> float:
@@ -333,7 +275,7 @@ class Mixture:
         if to is not None:
             of = of - self._states_of(to)
         k = self.best
-        return matched(self.x[k] @ of.T, of @ self.P[k] @ of.T, self.weight[k])
+        return moment_match(self.x[k] @ of.T, of @ self.P[k] @ of.T, self.weight[k])
 
     def _states_of(self, receiver: int) -> Array:
         """What picks a receiver's states, (size, n)."""

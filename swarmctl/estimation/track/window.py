@@ -32,7 +32,7 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import as_covariance, as_finite
 from swarmctl.estimation.model.motion import transition
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
-from swarmctl.estimation.track.contrast import Contrast, between
+from swarmctl.estimation.track.contrast import Contrast, contrast_of_pair
 from swarmctl.estimation.track.window_blocks import NormalPoints, Table
 from swarmctl.estimation.track.window_covariance import RowCovariance, by_receiver, walk
 from swarmctl.units import Array, Mask
@@ -171,7 +171,7 @@ class Window:
         delta += errors.navigation_m**2 * np.exp(-apart / errors.navigation_tau_s)
         receivers = np.stack([table.signs.argmin(0), table.signs.argmax(0)])
         turned = sights[:, 1] - sights[:, 0]
-        return between(residual[0] - residual[1], fit.root[one], receivers, turned, delta)
+        return contrast_of_pair(residual[0] - residual[1], fit.root[one], receivers, turned, delta)
 
     def is_stretched(self, distance_m: float) -> bool:
         """Whether the emitter may stray too far within one block, seen from so far away."""

@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.estimation.kernels.augmented import Rows
+from swarmctl.estimation.model.rows import Rows
 from swarmctl.units import Array, Mask
 
 _SHARE = 0.01

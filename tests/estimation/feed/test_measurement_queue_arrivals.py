@@ -1,4 +1,4 @@
-"""The live tracker fed with arrival times: the same track as from range differences."""
+"""The live live_feed fed with arrival times: the same track as from range differences."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.feed.measurement_queue import Tracker
 from swarmctl.units import SPEED_OF_LIGHT_MPS
-from tests.estimation.feed.test_measurement_queue import (
+from tests.estimation.feed.live_feed import (
     DRIFT,
     EMITTER,
     EPOCH,
+    Live,
     assert_same_track,
+    live_feed,
     report,
-    tracker,
     where,
 )
 
@@ -31,7 +31,7 @@ def path_m(receiver: int, t: float) -> float:
     return math.dist(EMITTER + DRIFT * t, where(receiver, t)) + float(error)
 
 
-def hear(to: Tracker, t: float, receivers: tuple[int, ...] = ALL) -> None:
+def hear(to: Live, t: float, receivers: tuple[int, ...] = ALL) -> None:
     """Arrival times of one burst, which UAV 1 hears exactly t seconds after EPOCH."""
     for receiver in receivers:
         to.add_arrival(receiver, round(10 * t), *arrival(receiver, t), SIGMA_M[receiver] / C)
@@ -44,7 +44,7 @@ def arrival(receiver: int, t: float) -> tuple[int, float]:
     return int(EPOCH + t // 1.0) + seconds, t % 1.0 + late_s - seconds
 
 
-def hear_differences(to: Tracker, t: float, reference: int) -> None:
+def hear_differences(to: Live, t: float, reference: int) -> None:
     """The same as range differences."""
     for receiver in set(ALL) - {reference}:
         variance = SIGMA_M[receiver] ** 2 + SIGMA_M[reference] ** 2
@@ -62,7 +62,7 @@ def hear_differences(to: Tracker, t: float, reference: int) -> None:
 def test_the_track_is_that_of_range_differences_against_the_leader(
     leader: int | None, reference: int
 ) -> None:
-    live, expected = tracker(), tracker()
+    live, expected = live_feed(), live_feed()
     for k in range(31):
         report(live, 0.1 * k)
         report(expected, 0.1 * k)
@@ -73,12 +73,12 @@ def test_the_track_is_that_of_range_differences_against_the_leader(
     for to in (live, expected):
         report(to, 3.2)
         to.process(leader)
-    assert live.used == expected.used == 93
+    assert live.counts.used == expected.counts.used == 93
     assert_same_track(live, expected)
 
 
 def test_a_burst_waits_for_the_positions_and_for_the_last_arrival() -> None:
-    live = tracker()
+    live = live_feed()
     report(live, 0.0)
     hear(live, 0.05)
     assert live.process(1) == []
@@ -92,18 +92,18 @@ def test_a_burst_waits_for_the_positions_and_for_the_last_arrival() -> None:
 
 
 def test_without_the_leader_the_others_are_differenced() -> None:
-    live = tracker()
+    live = live_feed()
     for k in range(40):
         report(live, 0.1 * k, (2, 3, 4))
         hear(live, 0.1 * k, (2, 3, 4))
         live.process(1)
     # Nothing waits for UAV 1 any more; the last may wait for the positions after it.
-    assert live.used >= 2 * 39
+    assert live.counts.used >= 2 * 39
     assert not live.dropped
 
 
 def test_a_receiver_whose_position_is_unknown_is_left_out_even_the_leader() -> None:
-    live, clean = tracker(), tracker()
+    live, clean = live_feed(), live_feed()
     for to in (live, clean):
         report(to, 0.0, (2, 3, 4))
         report(to, 0.2, (2, 3, 4))
@@ -120,7 +120,7 @@ def test_a_receiver_whose_position_is_unknown_is_left_out_even_the_leader() -> N
 
 
 def test_one_usable_receiver_gives_nothing() -> None:
-    live = tracker()
+    live = live_feed()
     report(live, 0.0, (2,))
     hear(live, 0.1, (1, 2))
     hear(live, 1.5, (1, 2))
@@ -135,7 +135,7 @@ def test_one_usable_receiver_gives_nothing() -> None:
 
 
 def test_without_any_positions_arrivals_do_not_pile_up() -> None:
-    live = tracker()
+    live = live_feed()
     for k in range(10):
         hear(live, 0.1 * k)
         assert live.process() == []
@@ -147,7 +147,7 @@ def test_without_any_positions_arrivals_do_not_pile_up() -> None:
 
 
 def test_what_is_older_than_the_history_is_dropped() -> None:
-    live = tracker()
+    live = live_feed()
     for k in range(11):
         report(live, 0.1 * k)
         hear(live, 0.1 * k)
@@ -176,7 +176,7 @@ def test_what_is_older_than_the_history_is_dropped() -> None:
 def test_a_broken_arrival_time_is_counted_and_never_absorbed(
     toa_s: int, toa_frac_s: float, sigma_s: float
 ) -> None:
-    live, clean = tracker(), tracker()
+    live, clean = live_feed(), live_feed()
     live.add_arrival(4, 1, toa_s, toa_frac_s, sigma_s)
     for to in (live, clean):
         report(to, 0.0)
@@ -188,7 +188,7 @@ def test_a_broken_arrival_time_is_counted_and_never_absorbed(
 
 
 def test_a_receiver_whose_clock_is_wrong_is_named_and_spoils_nothing() -> None:
-    live, clean = tracker(), tracker()
+    live, clean = live_feed(), live_feed()
     for k in range(80):
         t = 0.1 * k
         for to in (live, clean):
@@ -206,6 +206,6 @@ def test_a_receiver_whose_clock_is_wrong_is_named_and_spoils_nothing() -> None:
 
 def test_an_unknown_receiver_and_an_impossible_wait_are_refused() -> None:
     with pytest.raises(EstimationError, match="receiver 9 is unknown"):
-        tracker().add_arrival(9, 1, int(EPOCH), 0.5, 1e-8)
+        live_feed().add_arrival(9, 1, int(EPOCH), 0.5, 1e-8)
     with pytest.raises(EstimationError, match="max_burst_wait_s must be"):
-        tracker(max_burst_wait_s=math.nan)
+        live_feed(max_burst_wait_s=math.nan)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swarmctl.estimation.integrity.gate import GATE, consensus, screen
-from swarmctl.estimation.kernels.augmented import Rows, star
+from swarmctl.estimation.model.rows import Rows, star
 
 N = 4
 WHITE = 0.125 * (np.eye(N) + 1.0)

@@ -9,7 +9,7 @@ import pytest
 
 from swarmctl.estimation.integrity.health import ALARM
 from swarmctl.estimation.integrity.repetition import Repetition
-from swarmctl.estimation.kernels.augmented import Rows, star
+from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.units import Array
 
 HZ = 10.0

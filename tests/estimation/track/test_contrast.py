@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from swarmctl.estimation.kernels.augmented import Rows
-from swarmctl.estimation.track.contrast import Contrast, nothing, of_epoch
+from swarmctl.estimation.model.rows import Rows
+from swarmctl.estimation.track.contrast import Contrast, contrast_in_epoch, no_contrast
 from swarmctl.units import Array
 
 LINE = np.array([[0.0, 300.0], [0.0, 150.0], [0.0, 0.0], [0.0, -150.0], [0.0, -300.0]])
@@ -46,7 +46,7 @@ def found(at: Array, reported: Array, noise: Array) -> tuple[Contrast, float]:
     nu = np.stack([rd - expected(mode, reported) for mode in MODES])
     rows = Rows(0.0, FIRST, SECOND, reported[FIRST], reported[SECOND], rd, S, SIGMA_P)
     ratio = 0.5 * (nu[1] @ np.linalg.solve(S, nu[1]) - nu[0] @ np.linalg.solve(S, nu[0]))
-    of_all = of_epoch(rows, MODES, nu, np.stack([S, S]), SIGMA_P**2)
+    of_all = contrast_in_epoch(rows, MODES, nu, np.stack([S, S]), SIGMA_P**2)
     return of_all, float(ratio)
 
 
@@ -90,7 +90,7 @@ def test_of_what_noise_alone_explains_nothing_counts_and_of_a_large_contrast_nea
     """On the line noise exceeds the three sigmas once in 740 times; then one receiver leaves it."""
     rng = np.random.default_rng(2)
     for _ in range(3):
-        total = nothing(2)
+        total = no_contrast(2)
         for _ in range(100):
             reported = LINE + SIGMA_P * rng.standard_normal((5, 2))
             total = total + found(LINE, reported, SIGMA_R * rng.standard_normal(4))[0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.track.manoeuvre import BELIEVED, Manoeuvre, matched
+from swarmctl.estimation.track.manoeuvre import BELIEVED, Manoeuvre, moment_match
 from swarmctl.units import Array
 
 CAR = Manoeuvre(speed_mps=20.0, every_s=60.0, lasts_s=1.0)
@@ -34,8 +34,8 @@ def test_mixing_with_a_manoeuvre_believed_keeps_the_mixture_but_for_the_jump() -
     weight = np.array([[0.009, 0.991], [0.001, 0.999], [1.0, 0.0]])
     mixed, covariance, after = CAR.mix(x, P, weight, 0.5, 2)
     np.testing.assert_allclose(after, weight @ CAR.switching(0.5))
-    mean, total = matched(mixed, covariance, after)
-    wanted_mean, wanted = matched(x, P, weight)
+    mean, total = moment_match(mixed, covariance, after)
+    wanted_mean, wanted = moment_match(x, P, weight)
     np.testing.assert_allclose(mean, wanted_mean, atol=1e-12)
     entered = weight[:, 0] * CAR.switching(0.5)[0, 1]
     for axis in (2, 3):
@@ -53,7 +53,9 @@ def test_the_quiet_model_takes_nothing_from_a_manoeuvre_that_is_not_believed() -
     np.testing.assert_allclose(after, weight @ CAR.switching(0.5))
     came, stayed = weight[:, 0] * CAR.switching(0.5)[0, 1], weight[:, 1] * CAR.switching(0.5)[1, 1]
     P[:, 0, [2, 3], [2, 3]] += 400.0
-    wanted_mean, wanted = matched(x, P, np.stack([came, stayed], -1) / (came + stayed)[:, None])
+    wanted_mean, wanted = moment_match(
+        x, P, np.stack([came, stayed], -1) / (came + stayed)[:, None]
+    )
     np.testing.assert_allclose(mixed[:, 1], wanted_mean)
     np.testing.assert_allclose(covariance[:, 1], wanted)
 
@@ -70,7 +72,7 @@ def test_a_car_keeps_its_height() -> None:
 
 def test_a_mixture_is_matched_by_its_moments() -> None:
     x, P = np.array([[0.0, 0.0], [4.0, 0.0]]), np.stack([np.eye(2), 3.0 * np.eye(2)])
-    mean, covariance = matched(x, P, np.array([0.75, 0.25]))
+    mean, covariance = moment_match(x, P, np.array([0.75, 0.25]))
     np.testing.assert_allclose(mean, [1.0, 0.0])
     np.testing.assert_allclose(covariance, [[1.5 + 3.0, 0.0], [0.0, 1.5]])
 

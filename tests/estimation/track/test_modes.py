@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
+from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.contrast import Contrast
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
-from swarmctl.estimation.track.modes import Mixture, Model
+from swarmctl.estimation.track.modes import Mixture
 from tests.estimation.receivers import REAL, flight
 
 CAR = Manoeuvre(20.0)
@@ -22,8 +23,8 @@ def two_modes(manoeuvre: Manoeuvre | None = None) -> Mixture:
     """3 : 1, a kilometre apart."""
     x = np.array([[500.0, 0.0, 10.0, 0.0], [-500.0, 0.0, -10.0, 0.0]])
     P = np.broadcast_to(np.diag([4.0, 4.0, 1.0, 1.0]), (2, 4, 4))
-    model = Model(np.zeros(2), REAL, manoeuvre)
-    return Mixture(model, x, P, np.log([0.75, 0.25]) + 7.0, {})
+    behaviour = Behaviour((0.0, 0.0), REAL, manoeuvre)
+    return Mixture(behaviour, x, P, np.log([0.75, 0.25]) + 7.0, {})
 
 
 @pytest.mark.parametrize("dt", [-2.0, 0.0, 3.0])
@@ -83,7 +84,7 @@ def test_each_mode_is_weighed_against_the_best() -> None:
     """The first two are mirror images; how far the others differ would be another sum."""
     before = two_modes()
     x, P = np.repeat(before.x[:, 0], 2, 0)[:3], np.repeat(before.P[:, 0], 2, 0)[:3]
-    mixture = Mixture(Model(np.zeros(2), REAL, None), x, P, np.array([0.0, 0.0, -8.0]), {})
+    mixture = Mixture(Behaviour((0.0, 0.0), REAL), x, P, np.array([0.0, 0.0, -8.0]), {})
     share = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.5], [1.0, 0.5, 0.0]])
     mixture.compare(
         np.array([0.0, -30.0, 6.0]),

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.kernels.augmented import Rows, star, update
+from swarmctl.estimation.kernels.augmented import update
 from swarmctl.estimation.model.motion import transition
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors, predict
+from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.estimation.track.window import Pull, Window
 from swarmctl.units import Array
 from tests.estimation.receivers import REAL, WHITE, flight

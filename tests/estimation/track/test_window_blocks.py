@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from swarmctl.estimation.kernels.augmented import Rows, star
 from swarmctl.estimation.model.range_difference import range_differences
+from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.estimation.track.window_blocks import NormalPoints
 from swarmctl.units import Array
 
