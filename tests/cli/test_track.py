@@ -29,7 +29,7 @@ def track(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
-    """The first four seconds of the recording that ships."""
+    """The first four seconds of the data set that ships."""
     for name in ("receivers.csv", "truth.csv"):
         shutil.copy(ROOM / name, tmp_path)
     lines = (ROOM / "measurements.csv").read_text(encoding="utf-8").splitlines()
@@ -37,7 +37,7 @@ def room(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_it_leaves_estimates_figures_and_pictures(room: Path) -> None:
+def test_it_leaves_estimates_figures_and_plots(room: Path) -> None:
     done = track("--truth", "truth.csv", cwd=room)
     assert done.returncode == 0, done.stderr
     assert "RMSE" in done.stdout

@@ -1,4 +1,4 @@
-"""The picture of the receivers: what was estimated, where it was, in the right panels."""
+"""The plot of the receivers: what was estimated and what was true, in the right axes."""
 
 from __future__ import annotations
 
