@@ -61,8 +61,8 @@ def test_it_leaves_estimates_figures_and_plots(room: Path) -> None:
     # Every tenth epoch has a true position: the same RMSE but for what happens in between.
     assert np.sqrt(np.mean(np.square(errors)) * 3.0) == pytest.approx(summary["rmse_m"], rel=0.2)
     assert found[-1]["health"] == "tracking"
-    for picture in ("track.png", "error.png"):
-        assert (room / "out" / picture).read_bytes().startswith(b"\x89PNG")
+    for plot in ("track.png", "error.png"):
+        assert (room / "out" / plot).read_bytes().startswith(b"\x89PNG")
 
 
 def test_without_a_truth_and_of_known_height(room: Path) -> None:
