@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench docs clean
+.PHONY: setup demo test lint bench docs site clean
 
 setup: $(READY)
 
@@ -53,6 +53,10 @@ docs: setup
 	cp build/table1/fig5_position_error_std.png docs/images/table1-fig5.png
 	cp build/table1/fig8_position_nrmse.png docs/images/table1-fig8.png
 	cp build/table1/nees.png docs/images/table1-nees.png
+
+site: setup
+	$(BIN)/python -m sphinx -q -W --keep-going -E -b html docs build/site
+	@echo "build/site/index.html"
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

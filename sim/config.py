@@ -1,6 +1,6 @@
-"""What a simulation is made of: plain frozen data, filled by whoever starts one.
+"""The configuration of a simulation: plain frozen data, filled by whoever starts one.
 
-Units SI and radians; altitudes AMSL; wind and drift as the velocity of the air or water, ENU.
+Units are SI and radians, altitudes AMSL; wind and drift are velocities of air or water, ENU.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class VehicleLimits:
         acceleration_mps2: Greatest horizontal acceleration.
         climb_mps: Greatest climb and descent speed.
         climb_acceleration_mps2: Greatest vertical acceleration.
-        jerk_mps3: Greatest rate of change of the acceleration, horizontally and vertically: it
-            leans to its greatest acceleration in a fifth of a second.
+        jerk_mps3: Greatest rate of change of the acceleration, horizontal and vertical; the
+            default reaches the greatest acceleration in a fifth of a second.
     """
 
     speed_mps: float = 15.0
@@ -36,14 +36,14 @@ class VehicleLimits:
 
 @dataclass(frozen=True)
 class ClockConfig:
-    """Errors of a vehicle's clocks.
+    """Errors of a vehicle's clock.
 
     Attributes:
-        drift: Of its boot clock: seconds it gains in a second.
-        utc_offset_s: Of the UTC it reports.
-        utc_jitter_s: Standard deviation of each report of UTC about that.
-        speedup: Not an error, but the manner of PX4's SITL: the UTC it reports is the computer's,
-            which the simulation outruns by this factor.
+        drift: Seconds that its time since boot gains in a second.
+        utc_offset_s: Offset of the UTC it reports, s.
+        utc_jitter_s: Standard deviation of each report of UTC, s.
+        speedup: How much faster than the UTC it reports the simulation runs. PX4's SITL reports
+            the computer's UTC, whatever the speed of the simulation.
     """
 
     drift: float = 0.0
@@ -62,16 +62,16 @@ class VehicleConfig:
         launch_lon_rad: Launch point longitude, rad.
         launch_alt_amsl_m: Ground level at the launch point, m.
         limits: Performance.
-        autopilot: Whose traits it has.
-        parameters: What its owner has set, by name; all others have the autopilot's defaults.
-        parameter_names: The ArduPilot release whose parameter names it goes by.
-        knows_intervals: Whether SET_MESSAGE_INTERVAL and REQUEST_MESSAGE are known to it; ArduPilot
-            before 4.0 has REQUEST_DATA_STREAM alone.
-        full_boot: Whether booting takes as long as it really does, or a few seconds.
-        signing_key: Signs what it says, 32 bytes; what it hears must be signed with the same. None
-            for a vehicle that does not sign.
-        clock: Errors of its clocks.
-        boot_delay_s: Simulation time at which it powers up.
+        autopilot: Its autopilot.
+        parameters: Parameters that its owner has set; the others have their defaults.
+        parameter_names: The ArduPilot release that names its parameters.
+        knows_intervals: Whether it knows SET_MESSAGE_INTERVAL and REQUEST_MESSAGE; ArduPilot
+            before 4.0 knows only REQUEST_DATA_STREAM.
+        full_boot: Whether it boots as slowly as the real autopilot, or in a few seconds.
+        signing_key: Key that signs all messages in both directions, 32 bytes; None for a vehicle
+            that does not sign.
+        clock: Errors of its clock.
+        boot_delay_s: Simulation time at which it powers up, s.
         faults: Its faults.
         charge: Battery charge at the start, 0..1.
     """
@@ -100,11 +100,11 @@ class EmitterConfig:
     Attributes:
         lat_rad: Latitude at the start, rad.
         lon_rad: Longitude at the start, rad.
-        alt_amsl_m: Altitude (the sea's surface, the ground), m.
+        alt_amsl_m: Altitude of the sea's surface or the ground, m.
         velocity_enu: Mean drift, m/s.
-        wander_mps_per_sqrt_s: Random walk of the horizontal velocity: its standard deviation
-            per axis grows by this in one second, m/s/sqrt(s). Its square is the process noise
-            density of a constant-velocity model, m²/s³.
+        wander_mps_per_sqrt_s: Random walk of the horizontal velocity, m/s/sqrt(s): its standard
+            deviation per axis after one second. The square is the process noise density of a
+            constant-velocity model, m²/s³.
     """
 
     lat_rad: float
@@ -120,20 +120,20 @@ class ReceiverConfig:
 
     Attributes:
         reference: System id of the UAV whose receiver is the reference.
-        rate_hz: Epochs a second.
+        rate_hz: Epochs per second.
         sigma_m: 1-sigma of a range difference, m.
-        rho: Share of the variance that the reference receiver contributes.
-        clock_bias_sigma_s: 1-sigma of each receiver's clock error at the start.
-        clock_drift_sigma: 1-sigma of each clock's drift: seconds it gains in a second.
-        nlos_share: Share of the arrivals that come by an echo alone.
+        rho: Share of that variance that the reference receiver contributes.
+        clock_bias_sigma_s: 1-sigma of each receiver's clock error at the start, s.
+        clock_drift_sigma: 1-sigma of each clock's drift: seconds gained in a second.
+        nlos_share: Share of the arrivals that come only by an echo (NLOS).
         nlos_min_m: Least detour of an echo, m.
         nlos_max_m: Greatest detour of an echo, m.
         colour_sigma_m: 1-sigma of the coloured (first-order Gauss-Markov) error of every
             receiver's arrivals, m.
-        colour_tau_s: Its correlation time.
-        publish: What is published: range differences against the reference, or every receiver's
-            arrival times. The errors are the same.
-        delay_s: Time from an epoch to the publication of its measurements.
+        colour_tau_s: Correlation time of the coloured error, s.
+        publish: Whether range differences against the reference are published, or the arrival
+            times of every receiver. The errors are the same.
+        delay_s: Time from an epoch to the publication of its measurements, s.
         minimum_altitude_m: A receiver lower than this above its launch point hears nothing.
     """
 
@@ -158,11 +158,11 @@ class NavigationConfig:
     """Error of the positions the vehicles report, per axis.
 
     Attributes:
-        white_sigma_m: White part of each report; the autopilot's own control loop averages it
-            out.
-        correlated_sigma_m: First-order Gauss-Markov part, in the reports and in the
-            autopilot's own solution: the vehicle flies it.
-        correlated_tau_s: Its correlation time.
+        white_sigma_m: 1-sigma of the white part, new in each report, m; the autopilot does not
+            fly by it.
+        correlated_sigma_m: 1-sigma of the first-order Gauss-Markov part, m; it is in the reports
+            and in the autopilot's own solution, so that the vehicle flies off by it.
+        correlated_tau_s: Correlation time of that part, s.
     """
 
     white_sigma_m: float = 0.5
@@ -191,8 +191,9 @@ class SimConfig:
         navigation: Navigation error.
         wind: Wind.
         seed: Seed of every random draw.
-        utc_start_s: UTC at simulation time 0, s; where a vehicle reports the computer's, in the
-            sped-up time of :func:`swarmctl.frames.sped_up_utc_s`, as are all measurements.
+        utc_start_s: UTC at simulation time 0, s. If a vehicle reports the computer's UTC, this
+            and all measurements are in the sped-up time of
+            :func:`swarmctl.frames.sped_up_utc_s`.
     """
 
     swarm: str

@@ -1,8 +1,8 @@
 """How a multirotor moves: a point mass under a velocity loop, drag, wind and the ground.
 
-Of the closed attitude loop only its jerk limit is left; what remains is what a controller of
-positions notices: jerks, accelerations and speeds are bounded, a moving target is followed with a
-small lag, wind pushes, the ground stops. Everything in ENU and SI.
+The attitude loop is reduced to a limit of the jerk. What a position controller notices is there:
+jerk, acceleration and speed are bounded, a moving target is followed with a small lag, wind
+pushes, the ground stops. Everything is ENU and SI.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from swarmctl.units import Vector
 
 GRAVITY_MPS2 = 9.80665
 DRAG_PER_S = 0.3
-"""Linear drag: deceleration per airspeed, 1/s. 8 m/s of wind lean a hovering vehicle by 14°."""
+"""Linear drag: deceleration per airspeed, 1/s. A wind of 8 m/s leans a hovering vehicle by 14°."""
 UNREJECTED_DRAG = 0.2
 """Share of the drag that the velocity loop does not cancel.
 
@@ -25,9 +25,9 @@ At 4 m/s it leaves a following lag of 0.08 m, where ArduCopter shows 0.1 m.
 VELOCITY_GAIN_PER_S = 3.0
 """Acceleration per velocity error, 1/s."""
 BRAKING_MARGIN = 0.5
-"""Share of the greatest acceleration on which the approach to a target counts.
+"""Share of the greatest acceleration that the approach to a target counts on.
 
-The rest covers the velocity loop's delay, so that an approach does not overshoot.
+The rest covers the delay of the velocity loop, so that an approach does not overshoot.
 """
 
 
@@ -37,9 +37,9 @@ class State(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         position_enu: Position, m.
         velocity_enu: Velocity, m/s.
-        thrust_enu: Rotor thrust per unit of mass, m/s²: the direction the airframe leans to.
+        thrust_enu: Rotor thrust per unit of mass, m/s²; the airframe leans in its direction.
         on_ground: Whether it stands on the ground.
-        acceleration_enu: Acceleration, m/s²; what a jerk changes.
+        acceleration_enu: Acceleration, m/s².
     """
 
     position_enu: Vector
@@ -50,11 +50,11 @@ class State(msgspec.Struct, frozen=True, gc=False):
 
 
 class Command(msgspec.Struct, frozen=True, gc=False):
-    """What the autopilot asks of the airframe.
+    """The autopilot's command to the airframe.
 
     Attributes:
-        error_enu: Way to go to the position setpoint as the autopilot sees it, m; zero on an
-            axis where only the velocity is controlled.
+        error_enu: Vector to the position setpoint in the autopilot's own solution, m; zero on
+            an axis where only the velocity is controlled.
         velocity_enu: Velocity of the setpoint, fed forward, m/s.
         gain_per_s: Approach speed per metre of position error, 1/s.
         speed_mps: Greatest horizontal speed the autopilot allows itself, m/s.
@@ -95,7 +95,7 @@ def step(
 
     Args:
         state: State now.
-        command: What the autopilot asks for; None with the rotors idle.
+        command: Command of the autopilot; None with the rotors idle.
         wind_enu: Velocity of the air, m/s.
         limits: Performance.
         ground_up_m: Up coordinate of the ground below, m.
@@ -118,7 +118,7 @@ def step(
         scale = limits.acceleration_mps2 / horizontal
         ax, ay = ax * scale, ay * scale
     az = max(-limits.climb_acceleration_mps2, min(limits.climb_acceleration_mps2, az))
-    # Between two permitted accelerations lie permitted ones only.
+    # The limits are convex: an acceleration between two permitted ones is permitted.
     (was_x, was_y, was_z), change = state.acceleration_enu, limits.jerk_mps3 * dt_s
     horizontal = math.hypot(ax - was_x, ay - was_y)
     if horizontal > change:
@@ -173,7 +173,7 @@ def _wanted_velocity(command: Command, limits: VehicleLimits) -> Vector:
 
 
 def _fall(state: State, wind_enu: Vector, ground_up_m: float, dt_s: float) -> State:
-    """Rotors stopped in the air: gravity and drag, until the ground."""
+    """The state one step later with the rotors stopped in the air: gravity and drag."""
     vx, vy, vz = state.velocity_enu
     new_x = vx + DRAG_PER_S * (wind_enu[0] - vx) * dt_s
     new_y = vy + DRAG_PER_S * (wind_enu[1] - vy) * dt_s

@@ -1,4 +1,4 @@
-"""The emitter: a transmitter on something that drifts."""
+"""The emitter, a transmitter that drifts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class EmitterState(msgspec.Struct, frozen=True, gc=False):
 class Emitter:
     """Drifts with a mean velocity and a random walk of the horizontal velocity.
 
-    It keeps its altitude but for the mean velocity's vertical part: the sea's surface curves
-    away below the tangent plane, and the emitter with it.
+    Its altitude AMSL changes only by the vertical part of the mean velocity: it follows the sea's
+    surface, which curves away below the tangent plane.
 
     Args:
         config: Start and motion.
         frame: Frame of the simulated world.
         step_s: Time between calls of :meth:`advance`, s.
-        rng: Generator of its own.
+        rng: Generator that nothing else uses.
 
     Attributes:
         state: The emitter now.

@@ -1,4 +1,4 @@
-"""What of a simulation travels over MQTT: the receivers' measurements and the truth."""
+"""What a simulation publishes over MQTT: the receivers' measurements and the truth."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from swarmctl.frames import LocalFrame
 from swarmctl.units import Vector
 
 Publication = tuple[str, bytes]
-"""Topic and payload."""
+"""Topic and payload of one MQTT message."""
 
 
 class FeedPublisher:
-    """The emitter, the receivers that hear it, and the messages both come to.
+    """The emitter, the receivers that hear it, and their messages.
 
     Args:
         config: The simulation.
@@ -64,11 +64,11 @@ class FeedPublisher:
         self._encode = msgspec.json.Encoder().encode
 
     def burst(self, hearing_enu: Mapping[int, Vector], epoch_utc_s: float) -> list[Publication]:
-        """What the receivers publish of a burst that the emitter sends where it is now.
+        """What the receivers publish of a burst that the emitter sends at its present place.
 
         Args:
             hearing_enu: Positions of the receivers that hear it, m, by system id.
-            epoch_utc_s: When it arrives, UTC s.
+            epoch_utc_s: UTC of its arrival, s.
         """
         emitter, swarm = self.emitter.state.position_enu, self._swarm
         if self._publish == "arrival_times":
@@ -78,7 +78,7 @@ class FeedPublisher:
         return [(tdoa_topic(swarm), self._encode(messages))] if messages else []
 
     def truth(self, epoch_utc_s: float) -> Publication:
-        """Where the emitter is now, which is a UTC (s)."""
+        """The true state of the emitter, at a UTC (s)."""
         state = self.emitter.state
         lat, lon, alt = self._frame.to_geodetic(*state.position_enu)
         message = TruthMessage(
@@ -93,11 +93,11 @@ class FeedPublisher:
     def receivers_truth(
         self, navigation_enu: Mapping[int, Vector], epoch_utc_s: float
     ) -> list[Publication]:
-        """How far off the receivers are at a UTC (s); empty if the simulation has no such errors.
+        """The true clock and position errors of the receivers; empty if there are none.
 
         Args:
-            navigation_enu: Reported less true position of each receiver's UAV, m, by system id.
-            epoch_utc_s: UTC, s.
+            navigation_enu: Reported minus true position of each receiver's UAV, m, by system id.
+            epoch_utc_s: UTC of the errors, s.
         """
         if not self._imperfect:
             return []

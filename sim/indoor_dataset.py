@@ -1,13 +1,14 @@
-"""A recording of an emitter in a room: eight receivers in its corners, pairs taken in turn.
+"""Makes an indoor (UWB) TDOA data set: an emitter in a room with eight receivers in its corners.
 
-What a radio (UWB) system does to a range difference: white noise, multipath whose error is
-correlated over half a second, and gross outliers. A hard room adds what a filter is seldom told
-of: an error of each receiver that depends on the direction the signal comes from, and a receiver
-that somebody stands in front of. The files have the columns that ``swarmctl track`` reads;
+Receiver pairs are measured in turn. A range difference has the errors of a radio (UWB) system:
+white noise, multipath that is correlated over half a second, and gross outliers. A hard room adds
+errors that a filter is seldom told about: one that depends on the direction of the signal at each
+receiver, and a receiver that somebody stands in front of. The files have the columns that
+``swarmctl track`` reads;
 
     python -m sim.indoor_dataset DIRECTORY [--seed 0] [--seconds 20] [--bias 0] [--blocked 5 6 10]
 
-writes them; without options, those that the tests use.
+writes them. Without options they are the files that the tests use.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from sim.noise import generator
 SIZE_M = (7.0, 8.0, 3.0)
 RATE_HZ = 200.0
 SIGMA_M = 0.1
-"""White 1-sigma of a range difference."""
+"""1-sigma of the white error of a range difference, m."""
 COLOUR_M, TAU_S = 0.2, 0.5
-"""1-sigma of its correlated error, and the correlation time."""
+"""1-sigma of the correlated error of a range difference, m, and its correlation time, s."""
 OUTLIERS = 0.15
 FARTHEST_M = 150.0
-"""Share of gross outliers, and how large they get."""
+"""Share of gross outliers, and the greatest of them, m."""
 BLOCKED_M = 1.5
-"""Detour to a receiver that is blocked."""
+"""Detour of the signal to a blocked receiver, m."""
 _WAVES, _WAVES_PER_RAD = 3, 2.0
-"""A receiver's directional error: so many waves over the sphere of directions, of about such a
-wave number (an antenna's pattern, and reflections from the walls nearby)."""
+"""A receiver's directional error: number of waves over the sphere of directions, and their wave
+number, 1/rad (an antenna's pattern, and reflections from the walls nearby)."""
 _TRUTH_HZ = 20.0
 
 
@@ -42,7 +43,7 @@ Point = tuple[float, float, float]
 
 
 class IndoorDataset(NamedTuple):
-    """The contents of three files.
+    """A data set as the contents of three files.
 
     Attributes:
         receivers: ``receiver,east_m,north_m,up_m``.
@@ -56,7 +57,7 @@ class IndoorDataset(NamedTuple):
 
 
 def emitter(t: float) -> Point:
-    """Where the emitter is at a time: on the floor for a second, then it takes off."""
+    """Position of the emitter at a time (s), m: on the floor for a second, then in the air."""
     away = 1.0 - math.exp(-0.3 * max(t - 1.0, 0.0) ** 2)
     return (
         3.5 + away * 2.2 * math.sin(0.7 * (t - 1.0)),
@@ -69,7 +70,7 @@ class Directional:
     """An error of a receiver that depends on the direction of the emitter.
 
     Args:
-        rng: Draws it.
+        rng: Source of its random draws.
         sigma_m: 1-sigma over all directions, m.
     """
 
@@ -79,26 +80,26 @@ class Directional:
         self._amplitude = sigma_m * math.sqrt(2.0 / _WAVES)
 
     def __call__(self, emitter: Point, receiver: Point) -> float:
-        """The error, m."""
+        """The error for an emitter and a receiver at two places (m), m."""
         sight = np.subtract(emitter, receiver)
         sight /= np.linalg.norm(sight)
         return self._amplitude * float(np.cos(self._waves @ sight + self._phases).sum())
 
 
-def record(
+def simulate(
     seed: int,
     duration_s: float,
     *,
     bias_m: float = 0.0,
     blocked: tuple[int, float, float] | None = None,
 ) -> IndoorDataset:
-    """Record an emitter that flies about the room.
+    """Simulate an emitter that flies about the room.
 
     Args:
-        seed: Of all errors.
-        duration_s: Length, s.
+        seed: Seed of all errors.
+        duration_s: Length of the data set, s.
         bias_m: 1-sigma of a range difference's directional error, m.
-        blocked: A receiver's number, and since when and until when it is blocked, s.
+        blocked: Index of a blocked receiver, and the times between which it is blocked, s.
     """
     rng = generator(seed, "room")
     width, depth, height = SIZE_M
@@ -138,10 +139,10 @@ def record(
     )
 
 
-def write(room: IndoorDataset, directory: Path) -> None:
-    """Write a recording as ``receivers.csv``, ``measurements.csv`` and ``truth.csv``."""
+def write(dataset: IndoorDataset, directory: Path) -> None:
+    """Write a data set as ``receivers.csv``, ``measurements.csv`` and ``truth.csv``."""
     directory.mkdir(parents=True, exist_ok=True)
-    for name, content in room._asdict().items():
+    for name, content in dataset._asdict().items():
         (directory / f"{name}.csv").write_text(content, encoding="utf-8")
 
 
@@ -150,7 +151,7 @@ def _file(header: str, rows: list[str]) -> str:
 
 
 def main() -> None:
-    """Write a recording."""
+    """Write the data set that the command line asks for."""
     parser = argparse.ArgumentParser(prog="python -m sim.indoor_dataset")
     parser.add_argument("directory", type=Path)
     parser.add_argument("--seed", type=int, default=0)
@@ -161,7 +162,7 @@ def main() -> None:
     )
     asked = parser.parse_args()
     blocked = (int(asked.blocked[0]), *asked.blocked[1:]) if asked.blocked else None
-    write(record(asked.seed, asked.seconds, bias_m=asked.bias, blocked=blocked), asked.directory)
+    write(simulate(asked.seed, asked.seconds, bias_m=asked.bias, blocked=blocked), asked.directory)
 
 
 if __name__ == "__main__":

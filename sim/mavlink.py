@@ -1,4 +1,4 @@
-"""The vehicles' MAVLink 2 codec, on pymavlink and independent of the controller's."""
+"""The MAVLink 2 codec of the simulated vehicles, on pymavlink, not the controller's."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ FAILED: int = dialect.MAV_RESULT_FAILED
 
 
 SIGNING_EPOCH_UTC_S = 1_420_070_400
-"""2015-01-01T00:00:00 UTC, from where timestamps of signatures count."""
+"""2015-01-01T00:00:00 UTC, the zero of signature timestamps."""
 SIGNING_UNITS_PER_S = 100_000
 
 
 class _Outbox:
-    """The file pymavlink writes to: one entry per message."""
+    """The file that pymavlink writes to: one entry per message."""
 
     __slots__ = ("datagrams", "write")
 
@@ -50,8 +50,9 @@ class Codec:
 
     Args:
         sysid: System id to send as.
-        signing_key: Signs what is sent, 32 bytes, and whatever is not signed with it is dropped
-            (https://mavlink.io/en/guide/message_signing.html); None for neither.
+        signing_key: Key of 32 bytes that signs what is sent; what is received without its
+            signature is dropped (https://mavlink.io/en/guide/message_signing.html). None for no
+            signing.
     """
 
     __slots__ = ("_mav", "_outbox")
@@ -64,13 +65,13 @@ class Codec:
         self._mav.signing.sign_outgoing = signing_key is not None
 
     def advance(self, utc_s: float) -> None:
-        """Let the timestamps of signatures follow UTC (s); they never run backwards."""
+        """Set the timestamp of signatures to a UTC (s), unless that would turn it back."""
         units = int((utc_s - SIGNING_EPOCH_UTC_S) * SIGNING_UNITS_PER_S)
         self._mav.signing.timestamp = max(self._mav.signing.timestamp, units)
 
     def send(self, message: Message) -> None:
         """Queue a message as a datagram of its own."""
-        # send() and not pack(): only send() counts the sequence number on.
+        # Only send() increments the sequence number; pack() does not.
         self._mav.send(message)
 
     def drain(self) -> list[bytes]:
@@ -80,10 +81,10 @@ class Codec:
         return datagrams
 
     def decode(self, datagram: bytes) -> list[Message]:
-        """The well-formed, known messages in a datagram; whatever else is in it is dropped."""
+        """The well-formed, known messages in a datagram; the rest is dropped."""
         mav = self._mav
-        # A datagram begins and ends whole messages: what a truncated one left in the parser
-        # would swallow the beginning of the next.
+        # Messages do not span datagrams: the rest of a truncated one must not swallow the
+        # beginning of the next.
         mav.buf = bytearray()
         mav.buf_index = 0
         messages = mav.parse_buffer(datagram) or ()  # None where nothing was complete

@@ -1,4 +1,4 @@
-"""Error of the positions a vehicle reports and flies by."""
+"""The navigation (GPS) errors of a vehicle: in the positions it reports and flies by."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from swarmctl.units import Vector
 
 
 class NavigationErrors:
-    """A vehicle's position error: a correlated part it flies, and a white part per report.
+    """Position errors of one vehicle: a correlated part that it flies, a white part per report.
 
     Args:
         config: Standard deviations and correlation time, per axis.
         step_s: Time between calls of :meth:`advance`, s.
-        rng: Generator of its own.
+        rng: Generator that nothing else uses.
     """
 
     __slots__ = ("_correlated", "_normals", "_white_sigma_m")

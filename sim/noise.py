@@ -1,7 +1,7 @@
 """Random draws of the simulation: normal deviates in blocks, and first-order Gauss-Markov.
 
-Each consumer owns a generator of its own (:func:`generator`), so that what one vehicle draws
-never depends on how often another one does.
+Each consumer has its own generator (:func:`generator`), so that the draws of one vehicle do not
+depend on those of another.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from swarmctl.units import Vector
 
 BLOCK = 1024
-"""Deviates drawn at once: one call of numpy costs as much as thirty scalar draws."""
+"""Number of deviates drawn at once: one call of numpy costs as much as thirty scalar draws."""
 
 
 def generator(seed: int, purpose: str, sysid: int = 0) -> np.random.Generator:
@@ -23,7 +23,7 @@ def generator(seed: int, purpose: str, sysid: int = 0) -> np.random.Generator:
     Args:
         seed: Seed of the simulation.
         purpose: What is drawn from it, for example ``gust``.
-        sysid: Whose it is; 0 for nobody's in particular.
+        sysid: System id of the vehicle; 0 for a purpose that belongs to none.
     """
     return np.random.default_rng((seed, zlib.crc32(purpose.encode()), sysid))
 
@@ -32,7 +32,7 @@ class Normals:
     """Standard normal deviates, one at a time, as plain floats.
 
     Args:
-        rng: Generator to draw from; no one else may use it.
+        rng: Generator that nothing else uses.
     """
 
     __slots__ = ("_block", "_rng")

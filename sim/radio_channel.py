@@ -1,4 +1,4 @@
-"""A radio channel for datagrams: loss, delay, jitter, duplication; seeded, on virtual time."""
+"""A lossy radio channel for datagrams: loss, delay, jitter, duplication, on virtual time."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Item = TypeVar("Item")
 
 
 class Impairments(msgspec.Struct, frozen=True):
-    """What a channel does to datagrams, each by itself.
+    """What a channel does to each datagram.
 
     Attributes:
         loss: Probability that a datagram is lost.
-        duplication: Probability that one that is not lost arrives twice, each copy delayed by
-            itself.
+        duplication: Probability that a datagram that is not lost arrives twice; each copy has
+            its own delay.
         delay_s: Least delay, s.
-        jitter_s: Greatest further delay, uniformly distributed, s. Of two datagrams sent less
-            than this apart, the later may overtake the earlier.
+        jitter_s: Greatest further delay, uniformly distributed, s. A datagram may overtake one
+            that was sent less than this before it.
     """
 
     loss: float = 0.0
@@ -35,15 +35,15 @@ class RadioChannel(Generic[Item]):
     """One direction of a radio channel.
 
     Args:
-        impairments: What it does.
-        generator: Decides what happens to which datagram.
+        impairments: What it does to datagrams.
+        generator: Source of its random draws.
 
     Attributes:
         sent: Datagrams handed in.
         delivered: Datagrams handed out, copies included.
 
     Raises:
-        SimulationError: A probability is none, or a delay is negative.
+        SimulationError: A probability is not in 0..1, or a delay is negative.
     """
 
     def __init__(self, impairments: Impairments, generator: np.random.Generator) -> None:
@@ -56,7 +56,7 @@ class RadioChannel(Generic[Item]):
             )
         self._impairments = impairments
         self._generator = generator
-        # By time of arrival; the count keeps those of one instant in order.
+        # Sorted by time of arrival; the count keeps simultaneous ones in order.
         self._under_way: list[tuple[float, int, Item]] = []
         self._copies = 0
         self.sent = 0
@@ -75,7 +75,7 @@ class RadioChannel(Generic[Item]):
             self._copies += 1
 
     def receive(self, now_s: float) -> list[Item]:
-        """What has arrived by a time (s) since the last call, in the order of arrival."""
+        """Datagrams that arrived since the last call and by a time (s), in order of arrival."""
         arrived = []
         while self._under_way and self._under_way[0][0] <= now_s:
             arrived.append(heapq.heappop(self._under_way)[2])

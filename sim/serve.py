@@ -1,4 +1,4 @@
-"""The asyncio shells of the simulator: UDP for the vehicles, MQTT for receivers and truth."""
+"""Serves a simulation in real time: UDP for the vehicles, MQTT for receivers and truth."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from sim.world import World
 from swarmctl.errors import SimulationError
 
 TURN_S = 0.002
-"""Wall time between turns: at a speed-up of 20 a datagram waits at most 40 simulated ms."""
+"""Wall time between turns, s: at a speed-up of 20 a datagram waits at most 40 simulated ms."""
 LONGEST_TURN_S = 1.0
-"""Simulated time one turn makes up for at most.
+"""Greatest simulated time of one turn, s.
 
-On a machine too slow for its speed-up the simulation then slows down, instead of serving its
-sockets ever less often.
+On a machine that is too slow for its speed-up the simulation slows down, instead of serving its
+sockets less and less often.
 """
 
 RECEIVE_BUFFER = 1 << 22
-"""Bytes asked of the system for what is heard and not yet read; it may give less."""
+"""Size of the receive buffer asked of the system, bytes; it may give less."""
 
-# paho leaves Nagle's algorithm on, which holds back small messages until the last one is
-# acknowledged: up to 40 ms, or almost a second at a speed-up of 20.
+# paho leaves Nagle's algorithm on. It holds a small message back until the last one is
+# acknowledged: up to 40 ms, or almost a simulated second at a speed-up of 20.
 _NO_DELAY = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 _log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ class _Socket(asyncio.DatagramProtocol):
         self._shell.received(self._sysid, data)
 
     def error_received(self, exc: Exception) -> None:
-        # Nobody listens yet, or any more: a radio would not notice either.
+        # Nobody listens (yet, or any more). A radio would not notice either.
         _log.debug("UAV %d: %s", self._sysid, exc)
 
 
@@ -84,11 +84,11 @@ class Shell:
             transport.close()
 
     def start(self) -> None:
-        """Let simulation time begin now."""
+        """Start the simulation time now."""
         self._origin_s = time.monotonic()
 
     def turn(self) -> list[Publication]:
-        """Catch up with the wall clock; returns what is to be published."""
+        """Simulate up to the wall clock; returns what is to be published."""
         wanted_s = (time.monotonic() - self._origin_s) * self._speedup
         reached_s = min(wanted_s, self._world.time_s + LONGEST_TURN_S)
         self._origin_s += (wanted_s - reached_s) / self._speedup
@@ -97,7 +97,7 @@ class Shell:
         return self._world.publications()
 
     def received(self, sysid: int, data: bytes) -> None:
-        """Deliver a datagram and send what it makes the vehicle say."""
+        """Deliver a datagram to a vehicle and send its answers."""
         self._world.receive_datagram(sysid, data)
         self._send()
 
@@ -107,13 +107,13 @@ class Shell:
 
 
 class _Listener(asyncio.DatagramProtocol):
-    """A UDP port on which vehicles that others fly are heard; it never answers."""
+    """A UDP port that hears vehicles that others fly; it never answers."""
 
     def __init__(self, listening: SitlReceivers) -> None:
         self._listening = listening
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        # At a speed-up a moment's absence is seconds of everybody's reports.
+        # At a speed-up, a short absence of this process is seconds of everybody's reports.
         transport.get_extra_info("socket").setsockopt(
             socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER
         )
@@ -134,13 +134,13 @@ async def serve(
 ) -> None:
     """Simulate by the wall clock until told to stop.
 
-    Every vehicle has a UDP socket of its own that talks to the controller alone; measurements
-    and truth are published at QoS 0.
+    Every vehicle has its own UDP socket, which talks only to the controller. Measurements and
+    truth are published at QoS 0.
 
     Args:
         config: The simulation.
-        controllers: Host and port that each vehicle sends to, or one for all; nobody need
-            listen there yet.
+        controllers: Host and port that each vehicle sends to, or one for all; they need not
+            listen yet.
         broker: Host and port of the MQTT broker, which must be up.
         credentials: User name and password for the broker; None for an anonymous client.
         speedup: Simulated seconds per second.
@@ -221,7 +221,7 @@ async def _publish(
     ready: Callable[[], None] | None,
     stop: asyncio.Event,
 ) -> None:
-    """Publish what every turn brings until told to stop."""
+    """Publish the result of every turn until told to stop."""
     host, port = broker
     user, password = credentials if credentials is not None else (None, None)
     try:

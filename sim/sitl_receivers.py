@@ -1,9 +1,9 @@
-"""Receivers on vehicles that somebody else flies or simulates: heard by their MAVLink, sans-I/O.
+"""Simulated receivers on vehicles that others simulate (SITL) or fly, heard by their MAVLink.
 
-A vehicle's own reports are its truth here: where it says it was (GLOBAL_POSITION_INT), at the
-UTC it says that was (SYSTEM_TIME). So there is no navigation error between the two. All time is
-theirs, so that vehicles simulated faster or slower than real time are measured in their time. The
-factor matters only for those whose UTC does not follow it, as in PX4's SITL: their UTC is sped up.
+A vehicle's own reports are its truth here: its position (GLOBAL_POSITION_INT) at its UTC
+(SYSTEM_TIME). So there is no navigation error. All time is the vehicles' own, so that vehicles
+simulated faster or slower than real time are measured in their time. The speed-up matters only for
+vehicles whose UTC does not follow it, as in PX4's SITL: their UTC is sped up here.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from swarmctl.frames import LocalFrame, sped_up_utc_s
 from swarmctl.units import Vector
 
 REACH_S = 1.0
-"""A vehicle hears bursts at most this far from its nearest report."""
+"""A vehicle hears a burst only within this time of its nearest report, s."""
 TRUTH_PERIOD_S = 0.5
-"""The emitter's truth is published at most this often."""
+"""Least time between publications of the emitter's true state, s."""
 RECEIVERS_TRUTH_PERIOD_S = 1.0
-"""The receivers' likewise."""
+"""Least time between publications of the receivers' true errors, s."""
 
 _HISTORY_S = 3.0
-"""Reports are kept this long; one that is older than its vehicle's newest by more than this
-shows that the vehicle's clock was set back."""
+"""Reports are kept this long, s. A report that is older than its vehicle's newest by more than
+this shows that the vehicle's clock was set back."""
 _PATIENCE_S = 10.0
-"""A receiver is complained about once its vehicle's reports have come too late for this long."""
+"""A warning comes once a vehicle's reports have been too late for this long, s."""
 _JUDGED_AFTER_S = 1.5
-"""Whether a vehicle's UTC follows its time since boot shows after this long."""
+"""Time that it takes to judge whether a vehicle's UTC follows its time since boot, s."""
 _SLOPE_S = 10.0
-"""How fast a sped-up UTC goes is told from the SYSTEM_TIMEs of this long."""
+"""The rate of a sped-up UTC is taken from the SYSTEM_TIMEs of this span, s."""
 _REBOOT_S = 2.0
-"""Time since boot that goes back by more than this: it has booted again, nothing was overtaken."""
+"""A time since boot that goes back by more than this means a reboot, s."""
 _TOLERANCE = 0.2
-"""Time since boot and UTC that differ by more than this do not belong to a real vehicle."""
+"""Greatest relative difference between the rates of UTC and time since boot of a real vehicle."""
 _LEAP_S = 5.0
-"""A clock that goes ahead or back by more than this was set; no burst was missed meanwhile."""
+"""A clock that jumps by more than this was set, s; no burst was missed."""
 
 
 class Report(NamedTuple):
-    """Where a vehicle was at a UTC (s), ENU (m, m/s), and whether it was high enough to hear."""
+    """Position and velocity of a vehicle, ENU (m, m/s), and whether it was high enough to hear."""
 
     utc_s: float
     position_enu: Vector
@@ -54,7 +54,7 @@ class Report(NamedTuple):
 
 
 class _Clock:
-    """What a vehicle's time since boot is in UTC, sped up if its UTC is the computer's."""
+    """Converts a vehicle's time since boot to UTC, sped up if its UTC is the computer's."""
 
     __slots__ = ("_is_sped_up", "_speedup", "_told")
 
@@ -64,7 +64,7 @@ class _Clock:
         self._is_sped_up: bool | None = None
 
     def tell(self, boot_s: float, utc_s: float) -> None:
-        """Take a SYSTEM_TIME."""
+        """Take a SYSTEM_TIME: time since boot and UTC, s."""
         newest_s = self._told[-1][0] if self._told else -math.inf
         if boot_s < newest_s - _REBOOT_S:
             self._told.clear()
@@ -74,13 +74,13 @@ class _Clock:
         self._told.append((boot_s, utc_s))
         rate = self.rate
         if self._is_sped_up is None and self._speedup != 1.0 and rate is not None:
-            # Nearer to the factor than to 1, as factors go.
+            # The rate is nearer to the speed-up than to 1, on a logarithmic scale.
             self._is_sped_up = (rate > math.sqrt(self._speedup)) == (self._speedup > 1.0)
         del self._told[: bisect_left(self._told, (boot_s - _SLOPE_S,))]
 
     @property
     def rate(self) -> float | None:
-        """Seconds since boot in a second of its UTC; None before that is told."""
+        """Seconds since boot per second of its UTC; None until it is known."""
         if not self._told:
             return None
         boot_s, utc_s = (b - a for a, b in zip(self._told[0], self._told[-1], strict=True))
@@ -90,7 +90,7 @@ class _Clock:
     def is_left_behind(self) -> bool:
         """Whether its UTC does not follow its time since boot, and is not sped up for it.
 
-        A step of its UTC is nothing of the kind: all but one SYSTEM_TIME agree there.
+        A single step of its UTC does not count: there all but one SYSTEM_TIME agree.
         """
         if self._is_sped_up or self.rate is None:
             return False
@@ -98,7 +98,7 @@ class _Clock:
         return all(abs(boot_s - utc_s) > _TOLERANCE * boot_s for boot_s, utc_s in spans)
 
     def utc_s(self, boot_s: float) -> float | None:
-        """UTC of a time since boot, both s; None while it is not known."""
+        """UTC (s) of a time since boot (s); None until it is known."""
         if not self._told or (self._is_sped_up is None and self._speedup != 1.0):
             return None
         newest_s, utc_s = self._told[-1]
@@ -110,7 +110,7 @@ class _Clock:
         return sped_up_utc_s(utc_s + (boot_s - newest_s) / rate, self._speedup)
 
 
-class _Track:
+class _Vehicle:
     """The recent reports of one vehicle, oldest first, and its clock."""
 
     __slots__ = ("_reports", "clock")
@@ -125,7 +125,7 @@ class _Track:
         return self._reports[-1].utc_s if self._reports else -math.inf
 
     def add(self, report: Report) -> None:
-        """Keep a report; one that was overtaken on its way is dropped."""
+        """Keep a report, unless a newer one has overtaken it."""
         if report.utc_s < self.newest_s - _HISTORY_S:
             self._reports.clear()
         if report.utc_s <= self.newest_s:
@@ -134,7 +134,7 @@ class _Track:
         del self._reports[: bisect_left(self._reports, (self.newest_s - _HISTORY_S,))]
 
     def hearing_at(self, epoch_s: float) -> Vector | None:
-        """Where it was at an epoch (UTC s); None if it heard nothing there, or is not known."""
+        """Position at an epoch (UTC, s), m; None if it is unknown or too low to hear."""
         after = bisect_left(self._reports, (epoch_s,))
         around = self._reports[max(0, after - 1) : after + 1]
         if not around:
@@ -148,16 +148,16 @@ class _Track:
 
 
 class SitlReceivers:
-    """The emitter and the receivers of vehicles that are only heard.
+    """The emitter, and receivers on vehicles that are only heard.
 
     A burst arrives at every whole multiple of the receivers' period in UTC. It is measured once
-    every vehicle has reported from after it, or the first is :data:`REACH_S` past it: receivers
-    far behind hear nothing. The emitter begins to drift when the first vehicle is heard.
+    every vehicle has reported from after it, or the first one is :data:`REACH_S` past it: receivers
+    farther behind hear nothing. The emitter begins to drift when the first vehicle is heard.
 
     Args:
-        config: The simulation. Of its vehicles only the system ids count, and the first one's
-            launch point, where the frame is tangent.
-        speedup: Simulated seconds in a second of the computer's.
+        config: The simulation. Only the system ids of its vehicles are used, and the launch
+            point of the first one, where the frame is tangent.
+        speedup: Simulated seconds per second of the computer.
     """
 
     def __init__(self, config: SimConfig, speedup: float = 1.0) -> None:
@@ -165,12 +165,12 @@ class SitlReceivers:
         self._frame = LocalFrame(
             first.launch_lat_rad, first.launch_lon_rad, first.launch_alt_amsl_m
         )
-        # A beacon may be silent for a minute, but not what is told about it.
+        # A beacon may be silent for a minute, but its truth is published more often.
         self._ticks_per_burst = math.ceil(1.0 / (config.receivers.rate_hz * TRUTH_PERIOD_S))
         self._tick_hz = config.receivers.rate_hz * self._ticks_per_burst
         self._floor_m = config.receivers.minimum_altitude_m
         self._feed = FeedPublisher(config, self._frame, 1.0 / self._tick_hz)
-        self._tracks = {vehicle.sysid: _Track(speedup) for vehicle in config.vehicles}
+        self._vehicles = {vehicle.sysid: _Vehicle(speedup) for vehicle in config.vehicles}
         self._codec = Codec(0)
         self._tick: int | None = None
         self._truth_s = self._receivers_truth_s = -math.inf
@@ -180,30 +180,30 @@ class SitlReceivers:
         self._fast: set[int] = set()
 
     def receive(self, datagram: bytes) -> None:
-        """Take a datagram of anybody's: what no autopilot of the swarm sent is ignored."""
+        """Take a datagram; messages that no autopilot of the swarm sent are ignored."""
         for message in self._codec.decode(datagram):
-            track = self._tracks.get(message.get_srcSystem())
-            if track is None or message.get_srcComponent() != AUTOPILOT_COMPONENT:
+            vehicle = self._vehicles.get(message.get_srcSystem())
+            if vehicle is None or message.get_srcComponent() != AUTOPILOT_COMPONENT:
                 continue
             if message.get_type() == "SYSTEM_TIME":
                 # Zero until there is a GPS fix.
                 if message.time_unix_usec > 0:
-                    track.clock.tell(1e-3 * message.time_boot_ms, 1e-6 * message.time_unix_usec)
-                    self._compare_speeds(message.get_srcSystem(), track.clock)
+                    vehicle.clock.tell(1e-3 * message.time_boot_ms, 1e-6 * message.time_unix_usec)
+                    self._compare_speeds(message.get_srcSystem(), vehicle.clock)
             elif message.get_type() == "GLOBAL_POSITION_INT":
-                report = self._report(message, track.clock.utc_s(1e-3 * message.time_boot_ms))
+                report = self._report(message, vehicle.clock.utc_s(1e-3 * message.time_boot_ms))
                 if report is not None:
-                    track.add(report)
+                    vehicle.add(report)
                     self._compare_clocks(message.get_srcSystem(), report.utc_s)
                     self._advance()
 
     def publications(self) -> list[Publication]:
-        """What was published over MQTT since the last call: topic and payload, in order."""
+        """MQTT messages since the last call, in order."""
         publications, self._publications = self._publications, []
         return publications
 
     def complaints(self) -> list[str]:
-        """Sentences since the last call: vehicles whose clocks keep them from hearing well."""
+        """Warnings since the last call: vehicles that hear nothing because of their clocks."""
         complaints, self._complaints = self._complaints, []
         return complaints
 
@@ -221,7 +221,7 @@ class SitlReceivers:
         )
 
     def _compare_clocks(self, sysid: int, utc_s: float) -> None:
-        behind_s = max(track.newest_s for track in self._tracks.values()) - utc_s
+        behind_s = max(vehicle.newest_s for vehicle in self._vehicles.values()) - utc_s
         punctual_s = self._punctual_s.setdefault(sysid, utc_s)
         if behind_s <= REACH_S:
             self._punctual_s[sysid] = utc_s
@@ -243,15 +243,15 @@ class SitlReceivers:
             )
 
     def _advance(self) -> None:
-        """Measure every burst whose time has come."""
+        """Measure every burst that is due."""
         for tick in self._due():
             epoch_s = tick / self._tick_hz
             self._feed.emitter.advance()
             if tick % self._ticks_per_burst == 0:
                 hearing = {
                     sysid: position
-                    for sysid, track in self._tracks.items()
-                    if (position := track.hearing_at(epoch_s)) is not None
+                    for sysid, vehicle in self._vehicles.items()
+                    if (position := vehicle.hearing_at(epoch_s)) is not None
                 }
                 self._publications += self._feed.burst(hearing, epoch_s)
             if epoch_s >= self._truth_s + TRUTH_PERIOD_S:
@@ -260,11 +260,11 @@ class SitlReceivers:
             if epoch_s >= self._receivers_truth_s + RECEIVERS_TRUTH_PERIOD_S:
                 self._receivers_truth_s = epoch_s
                 self._publications += self._feed.receivers_truth(
-                    dict.fromkeys(self._tracks, (0.0, 0.0, 0.0)), epoch_s
+                    dict.fromkeys(self._vehicles, (0.0, 0.0, 0.0)), epoch_s
                 )
 
     def _due(self) -> Iterator[int]:
-        newest = [track.newest_s for track in self._tracks.values()]
+        newest = [vehicle.newest_s for vehicle in self._vehicles.values()]
         first_s = max(newest)
         if self._tick is None or abs(first_s - self._tick / self._tick_hz) > _LEAP_S:
             self._tick = math.ceil(first_s * self._tick_hz)

@@ -1,4 +1,4 @@
-"""A vehicle's own clock: time since power-up by its quartz, UTC by its GPS."""
+"""The clock of a vehicle: time since power-up by its quartz, UTC by its GPS."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from swarmctl.frames import sped_up_utc_s
 
 
 class VehicleClock:
-    """The clocks of one vehicle.
+    """The clock of one vehicle.
 
     Args:
-        config: Their errors.
-        utc_start_s: UTC at simulation time 0, s, as SimConfig has it.
-        rng: Generator of its own.
+        config: Its errors.
+        utc_start_s: UTC at simulation time 0, s (see :class:`sim.config.SimConfig`).
+        rng: Generator that nothing else uses.
     """
 
     __slots__ = ("_config", "_normals", "_utc_start_s")
@@ -26,15 +26,15 @@ class VehicleClock:
         self._normals = Normals(rng)
 
     def elapsed_s(self, true_s: float) -> float:
-        """What its quartz counts in a time span (s)."""
+        """Seconds that its quartz counts in a true time span (s)."""
         return true_s * (1.0 + self._config.drift)
 
     def kept_utc_s(self, now_s: float) -> float:
-        """UTC that it keeps, with its GPS or without, at a simulation time (s)."""
+        """UTC that it keeps at a simulation time (s), with or without GPS."""
         return self._utc_start_s + now_s + self._config.utc_offset_s
 
     def utc_s(self, now_s: float) -> float:
-        """UTC as it reports it once at a simulation time (s): each report has its own jitter."""
+        """UTC of one report at a simulation time (s); each report has its own jitter."""
         utc_s, jitter_s = self.kept_utc_s(now_s), self._config.utc_jitter_s
         if self._config.speedup != 1.0:
             utc_s = sped_up_utc_s(utc_s, 1.0 / self._config.speedup)

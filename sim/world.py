@@ -26,18 +26,17 @@ _EARLY_STEPS = 1e-6
 
 
 class World:
-    """A whole simulation, sans-I/O and deterministic.
+    """A whole simulation, without I/O and deterministic.
 
-    Feed it datagrams, advance its clock, and take out what the vehicles and the receivers
-    sent. Time moves in steps of ``STEP_S`` on a fixed grid; the same configuration and the
-    same datagrams at the same times give the same bytes, however :meth:`advance` is sliced.
+    Give it datagrams, advance its clock, and take what the vehicles and the receivers sent. Time
+    moves in steps of ``STEP_S`` on a fixed grid. The same configuration and the same datagrams at
+    the same times give the same bytes, however :meth:`advance` is divided.
 
     Args:
         config: The simulation.
 
     Attributes:
-        frame: Frame of every ``_enu`` the world shows: tangent at the first vehicle's launch
-            point.
+        frame: Frame of all ENU positions: tangent at the first vehicle's launch point.
 
     Raises:
         SimulationError: The configuration contradicts itself.
@@ -72,7 +71,7 @@ class World:
         return self._config.utc_start_s + self._time_s
 
     def advance(self, until_s: float) -> None:
-        """Let time pass until a simulation time (s); earlier than now does nothing."""
+        """Simulate up to a simulation time (s); a time in the past does nothing."""
         while (self._steps + 1) * STEP_S <= until_s + _EARLY_STEPS * STEP_S:
             self._step()
         self._time_s = max(self._time_s, until_s)
@@ -92,7 +91,7 @@ class World:
         """Deliver a datagram to a vehicle now.
 
         Args:
-            sysid: The vehicle whose socket it reaches, whatever the datagram says.
+            sysid: System id of the vehicle that receives it; the datagram may name another.
             data: Any bytes.
         """
         vehicle = self._vehicles[sysid]
@@ -101,12 +100,12 @@ class World:
             self._collect(vehicle, self._time_s)
 
     def datagrams(self) -> list[tuple[int, bytes]]:
-        """What the vehicles sent since the last call: system id and datagram, in order."""
+        """Datagrams that the vehicles sent since the last call, with system ids, in order."""
         datagrams, self._datagrams = self._datagrams, []
         return datagrams
 
     def publications(self) -> list[Publication]:
-        """What was published over MQTT since the last call: topic and payload, in order."""
+        """MQTT messages since the last call, in order."""
         publications, self._publications = self._publications, []
         return publications
 
@@ -117,7 +116,7 @@ class World:
             self._datagrams.extend((sysid, datagram) for datagram in datagrams)
 
     def _publish(self, now_s: float) -> None:
-        # An epoch is the first step at or after its due time: positions are then exact.
+        # An epoch is at the first step at or after its due time, where positions are exact.
         if self._steps + _EARLY_STEPS >= (self._epochs + 1) * self._steps_per_epoch:
             self._epochs += 1
             self._delayed.append((self._steps + self._delay_steps, self._measure(now_s)))

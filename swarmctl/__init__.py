@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from swarmctl.recorder.summary import FlightSummary
     from swarmctl.results import MissionResult
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "DESIGNS",

@@ -68,7 +68,9 @@ IMPURE = {"asyncio", "socket", "time", "datetime", "random", "threading", "aiomq
 SOLE_IMPORTERS = {
     "pymavlink": {
         "swarmctl/link/codec/framing.py",
+        "swarmctl/link/codec/answer_decoding.py",
         "swarmctl/link/codec/decoding.py",
+        "swarmctl/link/codec/telemetry_decoding.py",
         "swarmctl/link/codec/encoding.py",
         "sim/mavlink.py",
     },
@@ -123,6 +125,14 @@ def test_a_module_imports_only_what_its_room_may_know(path: Path) -> None:
 def test_the_core_reads_no_clock_and_no_socket(path: Path) -> None:
     used = {imported.split(".")[0] for imported in imports(path)}
     assert not used & (IMPURE | {"pymavlink"})
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in sources() if within(module_name(p), "swarmctl.study")], ids=module_name
+)
+def test_a_study_opens_no_socket(path: Path) -> None:
+    used = {imported.split(".")[0] for imported in imports(path)}
+    assert not used & {"asyncio", "socket", "aiohttp", "aiomqtt", "amqtt", "pymavlink", "mavsdk"}
 
 
 @pytest.mark.parametrize("library", sorted(SOLE_IMPORTERS))

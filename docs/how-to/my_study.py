@@ -4,8 +4,15 @@ from math import pi
 
 import numpy as np
 
-from swarmctl.study.filters import Belief, Prior, Scan, Track, iterated_ekf, ncrkf
-from swarmctl.study.registry import Registry
+from swarmctl.study import (
+    BatchEstimate,
+    Belief,
+    Registry,
+    RelativePrior,
+    Scan,
+    iterated_ekf,
+    ncrkf,
+)
 
 
 class Uncorrelated:
@@ -14,7 +21,7 @@ class Uncorrelated:
     relative = False
     ekf = iterated_ekf()
 
-    def start(self, prior: Prior) -> Belief:
+    def start(self, prior: RelativePrior) -> Belief:
         """The belief before the first scan."""
         return self.ekf.start(prior)
 
@@ -23,9 +30,9 @@ class Uncorrelated:
         variances = np.diag(np.diag(scan.rd_covariance))
         return self.ekf.step(belief, scan._replace(rd_covariance=variances))
 
-    def track(self, belief: Belief, scan: Scan) -> Track:
+    def estimate(self, belief: Belief, scan: Scan) -> BatchEstimate:
         """Position and velocity."""
-        return self.ekf.track(belief, scan)
+        return self.ekf.estimate(belief, scan)
 
 
 def register(registry: Registry) -> None:

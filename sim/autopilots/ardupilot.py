@@ -1,4 +1,4 @@
-"""The ``ardupilot`` personality: ArduCopter as measured on 4.7 in development, in SITL."""
+"""The simulated ArduCopter, as measured on 4.7 in development, in SITL."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from sim.autopilots.ardupilot_modes import (
     landing,
 )
 from sim.autopilots.ardupilot_parameters import parameters
-from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.autopilot import Autopilot
+from sim.autopilots.command_handler import Request
 from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import FlyAcceleration, FlyTo, FlyVelocity, Task
 from sim.autopilots.geofence import Fence
@@ -33,12 +34,12 @@ from sim.mavlink import ACCEPTED, DENIED, FAILED, Message, dialect
 from swarmctl.units import Vector
 
 SPOOL_UP_S = 3.35
-"""From the take-off command to the first movement."""
+"""Time from the take-off command to the first movement, s."""
 RESTRAINED = (FlyVelocity, FlyAcceleration)
-"""What is held back at the fence; positions beyond it are not taken at all."""
+"""Tasks that are slowed down at the fence; a position beyond the fence is ignored."""
 
 _SINCE_4_0 = (dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE)
-"""Commands that older firmware does not know."""
+"""Commands that ArduPilot before 4.0 does not know."""
 
 TRAITS = Traits(
     autopilot=dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
@@ -60,7 +61,7 @@ class ArduPilot(Autopilot):
     """ArduCopter.
 
     Args:
-        installation: What it is built into.
+        installation: What the vehicle gives it.
     """
 
     traits = TRAITS
@@ -100,7 +101,7 @@ class ArduPilot(Autopilot):
         fences = {
             MAX_ALT: Fence(ceiling_up_m=ceiling_up_m),
             CIRCLE: self._home_circle(parameters["FENCE_RADIUS"]),
-            POLYGON: self._planned_fence(),
+            POLYGON: self._uploaded_fence(),
         }
         kinds = int(parameters["FENCE_TYPE"])
         return {name: fence for bit, (name, fence) in enumerate(fences.items()) if kinds >> bit & 1}
@@ -110,7 +111,7 @@ class ArduPilot(Autopilot):
         here, margin_m = me.position_enu, me.parameters["FENCE_MARGIN"]
         if isinstance(me.task, RESTRAINED):
             for fence in self.fences().values():
-                if fence.contains(here):  # else it is free to go, and acts on its breach
+                if fence.contains(here):  # outside, the failsafe acts instead
                     velocity_enu = fence.restrain(here, velocity_enu, margin_m)
         return velocity_enu
 
@@ -161,7 +162,7 @@ class ArduPilot(Autopilot):
         return False
 
     def _task_of(self, mode: FlightMode) -> Task:
-        # On the ground it waits for MISSION_START, or for a throttle that it has not.
+        # On the ground AUTO waits for MISSION_START.
         return super()._task_of(mode) if mode is not AUTO or self._me.landed else self._mission()
 
     def _start_mission(self) -> int:
@@ -255,4 +256,4 @@ class ArduPilot(Autopilot):
         for group, message_ids in message_intervals.STREAM_GROUPS.items():
             if everything or group == message.req_stream_id:
                 for message_id in message_ids:
-                    self._streams.set_interval(message_id, interval_us, now_s)
+                    self._intervals.set_interval(message_id, interval_us, now_s)

@@ -10,6 +10,7 @@ from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb
 from sim.mavlink import dialect
 
 SINK_MPS = 2.5
+"""Descent of the stick modes without a pilot, m/s."""
 
 _ALWAYS = (
     dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -27,7 +28,7 @@ def landing(parameters: Parameters) -> Descend:
 
 
 def homing(parameters: Parameters) -> ReturnClimb:
-    """How it returns, which is below the fence where that has a ceiling."""
+    """How it returns: below the ceiling of the fence, if there is one."""
     fenced = parameters["FENCE_ENABLE"] == 1.0 and int(parameters["FENCE_TYPE"]) & 1
     highest_m = parameters["FENCE_ALT_MAX"] - parameters["FENCE_MARGIN"] if fenced else math.inf
     return ReturnClimb(0.01 * parameters["RTL_ALT"], landing(parameters), highest_m)
@@ -47,4 +48,4 @@ MODES = {
     mode.number: mode
     for mode in (STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE)
 }
-"""By ``custom_mode``. Without a pilot's radio the stick modes sink to the ground."""
+"""The modes by ``custom_mode``."""

@@ -1,7 +1,7 @@
-"""ArduCopter's parameters: what acts here, and what a ground station expects to find.
+"""The parameters of the simulated ArduCopter: those that act here and others as ballast.
 
-The names are those of 4.7 in development, on which the traits were measured: MAV_SYSID already,
-and still centimetres. Releases before have SYSID_THISMAV, 4.7.0 itself metres as well
+The names are those of 4.7 in development, on which the behaviour was measured: MAV_SYSID, but
+still centimetres. Earlier releases have SYSID_THISMAV; 4.7.0 itself has metres
 (https://ardupilot.org/copter/docs/common-param-name-changes.html).
 """
 
@@ -122,7 +122,7 @@ def parameters(release: str, sysid: int) -> Parameters:
     """The parameters of one vehicle, at their defaults.
 
     Args:
-        release: Whose names they have: 4.6, 4.7-dev or 4.7.
+        release: Release that names them: 4.6, 4.7-dev or 4.7.
         sysid: System id of the vehicle.
     """
     renamed = _RENAMED[release]

@@ -1,9 +1,9 @@
-"""SET_POSITION_TARGET_* as ArduCopter takes them: what to fly, or to stop.
+"""How the simulated ArduCopter takes SET_POSITION_TARGET_*: the task to fly, or a stop.
 
-A group of which any axis is ignored is ignored as a whole. Position, position and velocity,
-velocity, and acceleration are flown; acceleration next to velocity is not used; whatever else is
-asked for, an unknown frame or a number nobody can fly makes the vehicle stop. A position above
-terrain is taken, but its altitude is not: the vehicle stays at the height it has.
+If one axis of a group is ignored, so is the whole group. Position, position with velocity,
+velocity, and acceleration are flown; acceleration next to velocity is not used. Any other
+combination, an unknown frame, or a number that cannot be flown stops the vehicle. If a position is
+given above terrain, the vehicle keeps its present altitude.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def global_setpoint(
         home_alt_amsl_m: Altitude of home, m.
         position_enu: Position of the vehicle, m.
         now_s: Simulation time, s.
-        timeout_s: Velocity and acceleration count for so long, s.
+        timeout_s: Velocity and acceleration count for this long, s.
     """
     position = None
     if not message.type_mask & POSITION_IGNORED:
@@ -88,7 +88,7 @@ def local_setpoint(
         position_enu: Position of the vehicle, m.
         yaw_rad: Its heading, rad clockwise from north.
         now_s: Simulation time, s.
-        timeout_s: Velocity and acceleration count for so long, s.
+        timeout_s: Velocity and acceleration count for this long, s.
     """
     kind = message.coordinate_frame
     if kind != dialect.MAV_FRAME_LOCAL_NED and kind not in OFFSET_FRAMES:

@@ -1,7 +1,7 @@
-"""How all simulated autopilots fly: modes, arming, landing and the fence, step by step.
+"""How all simulated autopilots fly, step by step: modes, arming, disarming, mission and fence.
 
-Each personality fills in what it does of its own accord; what it is told by MAVLink is
-:mod:`sim.autopilots.autopilot`'s.
+A subclass per autopilot fills in what differs. Messages and commands arrive in
+:mod:`sim.autopilots.autopilot` and :mod:`sim.autopilots.command_handler`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Flight(ABC):
     """The flying half of an autopilot.
 
     Args:
-        onboard: What it knows about itself.
+        onboard: State of the autopilot.
     """
 
     traits: ClassVar[Traits]
@@ -39,33 +39,33 @@ class Flight(ABC):
     def __init__(self, onboard: OnboardState) -> None:
         self._me = onboard
         self._codec = Codec(onboard.config.sysid, onboard.config.signing_key)
-        self._plans = MissionProtocol(self.transfer, self._codec.send)
+        self._uploads = MissionProtocol(self.transfer, self._codec.send)
         self._fences: Mapping[str, Fence] = {}
         self._fences_of: object = None
-        self._plan: object = None
-        self._legs_told = 0
+        self._items: object = None
+        self._legs_announced = 0
 
-    # --- What a personality fills in ---------------------------------------------------
+    # --- What a subclass fills in ------------------------------------------------------
 
     @abstractmethod
     def _watch(self) -> None:
-        """Look after the failsafes, once a step."""
+        """Check the failsafes, once per step."""
 
     @abstractmethod
     def _arming_refusal(self) -> str | None:
-        """Why it does not arm now; None if it does."""
+        """Why it refuses to arm now; None if it arms."""
 
     @abstractmethod
     def _idle_limit_s(self) -> float:
-        """Armed on the ground with nothing to do for so long, it disarms."""
+        """Time after which it disarms if it stands armed on the ground with nothing to do, s."""
 
     @abstractmethod
     def _may_lift(self) -> bool:
-        """Whether what it does takes it off the ground."""
+        """Whether its task takes it off the ground."""
 
     @abstractmethod
     def _build_fences(self) -> Mapping[str, Fence]:
-        """The fences that its parameters and its plan make, by its words for them."""
+        """The fences that its parameters and the upload make, by the autopilot's names for them."""
 
     @abstractmethod
     def _pace(self) -> Pace:
@@ -78,7 +78,7 @@ class Flight(ABC):
     # --- Step by step ------------------------------------------------------------------
 
     def _live(self, now_s: float, truth: State) -> Command | None:
-        """Live through one time step; returns what the airframe is to do."""
+        """Simulate one time step; returns the command to the airframe."""
         me = self._me
         step_s = now_s - me.now_s
         me.now_s, me.truth = now_s, truth
@@ -108,7 +108,7 @@ class Flight(ABC):
         return Command(command.error_enu, velocity, command.gain_per_s, self._speed_limit_mps())
 
     def _restrained(self, velocity_enu: Vector) -> Vector:
-        """What is left of a velocity, m/s, where the fences do not allow all of it."""
+        """The part of a velocity (m/s) that the fences allow."""
         return velocity_enu
 
     def _disarm_on_ground(self) -> None:
@@ -121,14 +121,14 @@ class Flight(ABC):
     # --- Modes and arming --------------------------------------------------------------
 
     def _enter(self, mode: FlightMode) -> int:
-        """Change the mode; what it does changes only if the mode does."""
+        """Change the mode; entering the present mode again does not restart its task."""
         me = self._me
         if mode is not me.mode:
             me.mode, me.task = mode, self._task_of(mode)
         return ACCEPTED
 
     def _task_of(self, mode: FlightMode) -> Task:
-        """What it does on entering a mode."""
+        """The task of a mode on entering it."""
         return mode.task(self._me.parameters)
 
     def _arm(self) -> int:
@@ -152,7 +152,7 @@ class Flight(ABC):
         return ACCEPTED
 
     def _follow(self, task: Task, message: Message) -> None:
-        """Fly what a setpoint asks for, turned as it asks."""
+        """Take over a setpoint's task, heading and turn rate."""
         me = self._me
         me.task = task
         yaw = setpoints.setpoint_yaw(message, me.yaw_rad)
@@ -170,38 +170,38 @@ class Flight(ABC):
         return int(self.transfer.home_is_first)
 
     def _follow_mission(self, was_armed: bool) -> None:
-        """Tell which item is flown and which are done; a disarmed vehicle begins anew."""
+        """Announce the item that is flown and those that are done; disarming starts over."""
         me, task, before = self._me, self._me.task, self._me.mission_seq
         has_landed = was_armed and not me.armed
         if was_armed and isinstance(task, FlyLegs):
-            done = task.legs[self._legs_told : task.at + has_landed]
-            after = (*task.legs[self._legs_told + 1 :], None)
+            done = task.legs[self._legs_announced : task.at + has_landed]
+            after = (*task.legs[self._legs_announced + 1 :], None)
             for leg, following in zip(done, after, strict=False):
                 if following is None or following.seq != leg.seq:
                     self._codec.send(dialect.MAVLink_mission_item_reached_message(leg.seq))
-            self._legs_told = task.at + has_landed
+            self._legs_announced = task.at + has_landed
             if task.leg is not None:
                 me.mission_seq = task.leg.seq
-        self._look_at_plan(begin=has_landed)
+        self._notice_new_mission(restart=has_landed)
         if me.mission_seq != before:
             self._codec.send(mission_current(me))
 
-    def _look_at_plan(self, *, begin: bool = False) -> None:
-        """Begin a mission that is new with its first item, or one that is told to."""
-        plan = self._plans.stored(MISSION)
-        if begin or plan is not self._plan:
-            self._plan, self._me.mission_seq = plan, min(self._first_item(), len(plan))
+    def _notice_new_mission(self, *, restart: bool = False) -> None:
+        """Start a newly uploaded mission at its first item; optionally the present one too."""
+        items = self._uploads.stored(MISSION)
+        if restart or items is not self._items:
+            self._items, self._me.mission_seq = items, min(self._first_item(), len(items))
 
     def _mission(self) -> FlyLegs:
-        """Its mission from the present item on."""
+        """The uploaded mission from the present item on."""
         me = self._me
-        self._look_at_plan()
-        self._legs_told = 0
-        items = self._plans.stored(MISSION)
+        self._notice_new_mission()
+        self._legs_announced = 0
+        items = self._uploads.stored(MISSION)
         return FlyLegs(legs_of(items, me.mission_seq, self._place), self._pace())
 
     def _place(self, lat_e7: int, lon_e7: int, alt_m: float, above_home: bool) -> Vector:
-        """ENU place, m, of a mission's item; zeros for latitude and longitude are home."""
+        """Place of a mission item, ENU, m; latitude and longitude of zero mean home."""
         me = self._me
         home = me.home_enu or me.position_enu
         alt = alt_m + me.home_alt_amsl_m if above_home else alt_m
@@ -214,7 +214,7 @@ class Flight(ABC):
     def fences(self) -> Mapping[str, Fence]:
         """The fences in force."""
         me = self._me
-        made_of = (me.parameters.changes, self._plans.changes, me.home_enu)
+        made_of = (me.parameters.changes, self._uploads.changes, me.home_enu)
         if made_of != self._fences_of:
             self._fences, self._fences_of = self._build_fences(), made_of
         return self._fences
@@ -224,7 +224,7 @@ class Flight(ABC):
         return all(fence.contains(position_enu) for fence in self.fences().values())
 
     def _beyond_m(self) -> dict[str, float]:
-        """The fences that it is on the wrong side of, and how far, m."""
+        """The fences that the vehicle is on the wrong side of, and how far, m."""
         here = self._me.position_enu
         return {
             name: fence.beyond_m(here)
@@ -237,7 +237,7 @@ class Flight(ABC):
         home = self._me.home_enu
         return Fence() if home is None else Fence(circles_inside=((*home[:2], radius_m),))
 
-    def _planned_fence(self) -> Fence:
+    def _uploaded_fence(self) -> Fence:
         """The uploaded fence."""
         me = self._me
 
@@ -245,5 +245,5 @@ class Flight(ABC):
             lat, lon = math.radians(lat_e7 * 1e-7), math.radians(lon_e7 * 1e-7)
             return me.frame.to_enu(lat, lon, me.home_alt_amsl_m)[:2]
 
-        inside, outside, within, without = fence_shapes(self._plans.stored(FENCE), to_enu)
+        inside, outside, within, without = fence_shapes(self._uploads.stored(FENCE), to_enu)
         return Fence(tuple(inside), tuple(outside), tuple(within), tuple(without))

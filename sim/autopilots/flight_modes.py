@@ -1,4 +1,4 @@
-"""What a flight mode is; each personality has a table of its own."""
+"""What a flight mode is; each autopilot has its own table (``ardupilot_modes``, ``px4_modes``)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class FlightMode:
         name: The autopilot's name for it.
         can_arm: Whether arming is allowed in it.
         base_mode: ``base_mode`` of HEARTBEAT, disarmed.
-        task: What the vehicle does on entering it in the air, by its parameters.
+        task: Gives the task that it starts with, from the parameters.
     """
 
     number: int
@@ -30,10 +30,10 @@ class FlightMode:
 
 
 def hold(_parameters: Parameters) -> Hold:
-    """What a mode does that keeps its place."""
+    """The task of a mode that keeps its place."""
     return Hold()
 
 
 def sinking(rate_mps: float) -> Callable[[Parameters], Descend]:
-    """What a mode does that waits for a pilot who is not there."""
+    """The task of a mode that a pilot would fly: without one the vehicle sinks."""
     return lambda _parameters: sink(rate_mps)

@@ -1,10 +1,9 @@
-"""What the autopilot is doing in the air: tasks that turn a situation into a command.
+"""What an autopilot does in the air: tasks that turn its situation into a command.
 
-A task is a frozen value; :meth:`Task.fly` returns the command for this step and the task for
-the next one, which is how a climb becomes a cruise and a cruise a landing. Everything in ENU
-and SI, in the autopilot's own solution: what it believes, not what is true.
-
-Times and speeds are ArduCopter's where a task does not carry its own.
+A task is a frozen value. :meth:`Task.fly` returns the command for this step and the task for the
+next one: so a climb becomes a cruise, and a cruise a landing. All positions are ENU (m) in the
+autopilot's own solution, not the truth. The constants are ArduCopter's where a task has no value
+of its own.
 """
 
 from __future__ import annotations
@@ -18,21 +17,22 @@ from sim.dynamics import VELOCITY_GAIN_PER_S, Command
 from swarmctl.units import Vector
 
 FOLLOW_GAIN_PER_S = 1.0
-"""Of a setpoint with velocity feed-forward, and of holding a place."""
+"""Approach gain of a setpoint with velocity feed-forward, and of holding a place, 1/s."""
 SETTLE_GAIN_PER_S = 0.69
-"""Of a setpoint without velocity: one moving at 4 m/s is followed 7.2 m behind."""
+"""Approach gain of a setpoint without velocity, 1/s: one at 4 m/s is followed 7.2 m behind."""
 ACCELERATION_TIME_S = 1.0 / VELOCITY_GAIN_PER_S
-"""A velocity so far ahead of the present one makes the airframe's velocity loop accelerate."""
+"""An acceleration times this is the velocity error that makes the airframe accelerate so, s."""
 STOPPED_MPS = 0.3
-"""Braking ends below this speed and the place reached is held."""
+"""Below this speed braking ends and the present place is held, m/s."""
 REACHED_M = 0.5
 """A place nearer than this is reached, m."""
 
 AXES_GAIN_PER_S = 0.95
-"""PX4's MPC_XY_P."""
+"""PX4's MPC_XY_P, 1/s."""
 VERTICAL_DRIFT_MPS = 0.154
-"""PX4 told to keep a vertical velocity of zero rose by 10 m in 65 s."""
+"""PX4 climbs at this rate if told a vertical velocity of zero (10 m in 65 s), m/s."""
 LIFT_MPS = 0.1
+"""A setpoint that climbs faster than this lifts a vehicle off the ground, m/s."""
 
 _STILL: Vector = (0.0, 0.0, 0.0)
 
@@ -53,37 +53,37 @@ class Situation(msgspec.Struct, frozen=True, gc=False):
     home_enu: Vector
 
     def stopped(self) -> bool:
-        """Whether it stands still in the air, for the purpose of braking."""
+        """Whether braking has ended."""
         return math.hypot(*self.velocity_enu) < STOPPED_MPS
 
     def way_to(self, position_enu: Vector) -> Vector:
-        """From here to a position, m."""
+        """Vector from here to a position, m."""
         (x, y, z), (px, py, pz) = self.position_enu, position_enu
         return (px - x, py - y, pz - z)
 
     def level_way_to(self, anchor_enu: Vector | None) -> Vector:
-        """Horizontal way to a position, m; none without one, which leaves braking."""
+        """Horizontal vector to a position, m; zero without one, which brakes."""
         if anchor_enu is None:
             return _STILL
         x, y, _ = self.way_to(anchor_enu)
         return (x, y, 0.0)
 
     def anchor(self, anchor_enu: Vector | None) -> Vector | None:
-        """The place to hold: the one given or, once stopped, this one."""
+        """The place to hold: the one given or, once stopped, the present one."""
         if anchor_enu is None and self.stopped():
             return self.position_enu
         return anchor_enu
 
 
 class Task(Protocol):
-    """Something to do in the air."""
+    """A task in the air."""
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
         """The task for the next step and the command for this one (None: rotors idle)."""
 
 
 class Hold(msgspec.Struct, frozen=True, gc=False):
-    """Stay: brake, then hold the place reached.
+    """Brake, then hold the place reached.
 
     Attributes:
         anchor_enu: Place to hold, m; None while braking.
@@ -100,13 +100,13 @@ class Hold(msgspec.Struct, frozen=True, gc=False):
 
 
 class FlyTo(msgspec.Struct, frozen=True, gc=False):
-    """Follow a position setpoint, which moves on with its velocity until that times out.
+    """Follow a position setpoint, which moves with its velocity until that times out.
 
     Attributes:
-        position_enu: Position at ``set_s``, m; held for ever.
-        velocity_enu: Its velocity, m/s; None where the setpoint had none.
-        set_s: Simulation time the setpoint came, s.
-        timeout_s: Its velocity counts for so long, s.
+        position_enu: Position at ``set_s``, m; it never times out.
+        velocity_enu: Velocity of the setpoint, m/s; None if it has none.
+        set_s: Simulation time at which the setpoint came, s.
+        timeout_s: The velocity counts for this long, s.
     """
 
     position_enu: Vector
@@ -132,8 +132,8 @@ class FlyVelocity(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         velocity_enu: Velocity, m/s.
-        set_s: Simulation time the setpoint came, s.
-        timeout_s: It counts for so long, s.
+        set_s: Simulation time at which the setpoint came, s.
+        timeout_s: The setpoint counts for this long, s.
     """
 
     velocity_enu: Vector
@@ -152,8 +152,8 @@ class FlyAcceleration(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         acceleration_enu: Acceleration, m/s².
-        set_s: Simulation time the setpoint came, s.
-        timeout_s: It counts for so long, s.
+        set_s: Simulation time at which the setpoint came, s.
+        timeout_s: The setpoint counts for this long, s.
     """
 
     acceleration_enu: Vector
@@ -170,12 +170,12 @@ class FlyAcceleration(msgspec.Struct, frozen=True, gc=False):
 
 
 class FlyAxes(msgspec.Struct, frozen=True, gc=False):
-    """Follow a setpoint axis by axis, as PX4 does, for as long as the mode lasts.
+    """Follow a setpoint axis by axis, as PX4 does, while the mode lasts.
 
     Attributes:
         position_enu: Position, m; None on an axis without one.
-        velocity_enu: Velocity, m/s, fed forward where there is a position; an axis with neither
-            is not moved.
+        velocity_enu: Velocity, m/s, fed forward on an axis with a position; zero on an axis
+            with neither.
     """
 
     position_enu: tuple[float | None, float | None, float | None]
@@ -194,6 +194,6 @@ class FlyAxes(msgspec.Struct, frozen=True, gc=False):
         return self, Command(way, (vx, vy, climb), AXES_GAIN_PER_S)
 
     def lifts(self, position_enu: Vector) -> bool:
-        """Whether it asks a vehicle that stands at a position (m) to leave the ground."""
+        """Whether it makes a vehicle that stands at a position (m) leave the ground."""
         up = self.position_enu[2]
         return self.velocity_enu[2] > LIFT_MPS if up is None else up - position_enu[2] > REACHED_M

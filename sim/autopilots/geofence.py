@@ -1,4 +1,4 @@
-"""A geofence: where the vehicle may be, and how fast it may still fly towards the edge."""
+"""The geometry of a geofence: what is inside, how far out, how fast towards an edge."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from swarmctl.units import Vector
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
 Circle = tuple[float, float, float]
-"""East and north of the centre, radius, m."""
+"""East and north of the centre and the radius, m."""
 
 BRAKING_MPS2 = 1.0
+"""Deceleration that the allowed speed towards an edge counts on, m/s²."""
 GAIN_PER_S = 1.0
-"""Of the speed allowed towards an edge."""
+"""Allowed speed towards a near edge per distance, 1/s."""
 
 
 class Fence(msgspec.Struct, frozen=True, gc=False):
-    """A geofence in ENU, m; where it names nothing it allows everything.
+    """A geofence in ENU, m; without edges it allows everything.
 
     Attributes:
-        inside: Polygons one must be inside of.
-        outside: Polygons one must be outside of.
-        circles_inside: Circles one must be inside of.
-        circles_outside: Circles one must be outside of.
+        inside: Polygons that the vehicle must stay inside of.
+        outside: Polygons that it must stay outside of.
+        circles_inside: Circles that it must stay inside of.
+        circles_outside: Circles that it must stay outside of.
         ceiling_up_m: Greatest up coordinate.
     """
 
@@ -37,7 +38,7 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
     ceiling_up_m: float = math.inf
 
     def contains(self, position_enu: Vector) -> bool:
-        """Whether a position, m, is allowed."""
+        """Whether a position (m) is allowed."""
         x, y, z = position_enu
         return (
             z <= self.ceiling_up_m
@@ -48,7 +49,7 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
         )
 
     def beyond_m(self, position_enu: Vector) -> float:
-        """How far a position, m, is on the wrong side, m; 0 where it is allowed."""
+        """How far a position (m) is on the wrong side, m; 0 where it is allowed."""
         x, y, z = position_enu
         wrong = [
             *(p for p in self.inside if not _within(p, x, y)),
@@ -63,12 +64,12 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
         )
 
     def restrain(self, position_enu: Vector, velocity_enu: Vector, margin_m: float) -> Vector:
-        """A velocity less what would carry the vehicle over an edge.
+        """A velocity without the part that would carry the vehicle over an edge.
 
         Args:
-            position_enu: Where it is, allowed, m.
-            velocity_enu: What it would fly, m/s.
-            margin_m: Distance from the edges at which it is to stop, m.
+            position_enu: Position of the vehicle, inside the fence, m.
+            velocity_enu: Velocity to restrain, m/s.
+            margin_m: Distance from the edges at which it must stop, m.
         """
         x, y, z = position_enu
         vx, vy, vz = velocity_enu
@@ -86,7 +87,7 @@ class Fence(msgspec.Struct, frozen=True, gc=False):
         return vx, vy, vz
 
     def _edges(self, x: float, y: float) -> list[Point]:
-        """Way from a place to the nearest point of each edge, m."""
+        """Vector from a place to the nearest point of each edge, m."""
         ways = [way for p in self.inside + self.outside for way in _ways_to_edges(p, x, y)]
         for e, n, r in self.circles_inside + self.circles_outside:
             distance = math.hypot(x - e, y - n)

@@ -59,12 +59,12 @@ STREAM_GROUPS = {
 class MessageIntervals:
     """Intervals and due times of one vehicle's messages.
 
-    Due times are kept on the interval's own grid, so that the mean rate is exact; a message due
-    more often than :meth:`due` is called comes several times at once.
+    Due times stay on the interval's own grid, so that the mean rate is exact. A message that is
+    due more often than :meth:`due` is called comes several times at once.
 
     Args:
         start_s: Simulation time at which the defaults are first due, s.
-        defaults_s: Interval of each message sent unasked, s.
+        defaults_s: Interval of each message that is sent unasked, s.
     """
 
     __slots__ = ("_defaults_s", "_due_s", "_interval_s", "_next_s")
@@ -76,11 +76,11 @@ class MessageIntervals:
         self._next_s = start_s
 
     def set_interval(self, message_id: int, interval_us: float, now_s: float) -> None:
-        """Take the interval of MAV_CMD_SET_MESSAGE_INTERVAL.
+        """Set an interval, as MAV_CMD_SET_MESSAGE_INTERVAL does.
 
         Args:
             message_id: A message that can be sent.
-            interval_us: Interval, µs; 0 restores the default, negative turns it off.
+            interval_us: Interval, µs; 0 restores the default, a negative one turns it off.
             now_s: Simulation time, s.
         """
         if interval_us > 0.0:
@@ -95,7 +95,7 @@ class MessageIntervals:
         self._next_s = min(self._due_s.values(), default=math.inf)
 
     def due(self, now_s: float) -> list[int]:
-        """Ids of the messages due at a simulation time (s), each counted as sent."""
+        """Ids of the messages due at a simulation time (s); each counts as sent."""
         if now_s < self._next_s - _EARLY_S:
             return []
         messages = []

@@ -1,7 +1,6 @@
-"""An uploaded mission as it is flown: leg after leg, each of them a task.
+"""How an uploaded mission is flown: one leg after the other, each a task.
 
-Flown are take-offs, waypoints, loitering, returns and landings; whatever else a mission asks for
-is passed over.
+Take-offs, waypoints, loitering, returns and landings are flown; all other items are skipped.
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ class Leg(NamedTuple):
 
     Attributes:
         seq: Number of its item.
-        kind: What it is; ``level`` flies to a place at the height it has.
-        place_enu: Where to, m; meaningless for a return and a landing.
-        hold_s: To stay there for so long, s.
+        kind: What to do; ``level`` flies to a place at the present height.
+        place_enu: Where to fly, m; unused by a return and a landing.
+        hold_s: How long to stay there, s.
     """
 
     seq: int
@@ -54,8 +53,8 @@ class Pace(NamedTuple):
     """How a vehicle flies its missions.
 
     Attributes:
-        climb_mps: Climb of a take-off, m/s.
-        spool_up_s: Until it lifts from the ground, s.
+        climb_mps: Climb rate of a take-off, m/s.
+        spool_up_s: Time until it lifts from the ground, s.
         radius_m: A place nearer than this is reached, m.
         landing: How it lands.
         homing: How it returns.
@@ -69,14 +68,14 @@ class Pace(NamedTuple):
 
 
 class FlyLegs(msgspec.Struct, frozen=True, gc=False):
-    """Fly a mission; behind its last leg, hold.
+    """Fly a mission; after its last leg, hold.
 
     Attributes:
         legs: The legs.
         pace: How they are flown.
-        at: Which of them is flown.
-        doing: What is done for it; None at its beginning.
-        reached_s: Simulation time at which its place was reached, s; None before.
+        at: Index of the leg that is flown.
+        doing: The task of that leg; None before it begins.
+        reached_s: Simulation time at which the place was reached, s; None before.
     """
 
     legs: tuple[Leg, ...]
@@ -87,12 +86,12 @@ class FlyLegs(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def leg(self) -> Leg | None:
-        """The leg that is flown; None behind the last."""
+        """The leg that is flown; None after the last."""
         return self.legs[self.at] if self.at < len(self.legs) else None
 
     @property
     def lifts(self) -> bool:
-        """Whether it takes a vehicle off the ground now."""
+        """Whether the present leg takes a vehicle off the ground."""
         return self.leg is not None and self.leg.kind == "take_off"
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
@@ -141,11 +140,11 @@ class FlyLegs(msgspec.Struct, frozen=True, gc=False):
 def legs_of(
     items: Sequence[Item], first: int, to_enu: Callable[[int, int, float, bool], Vector]
 ) -> tuple[Leg, ...]:
-    """What there is to fly of a mission from an item on.
+    """The legs of a mission from an item on.
 
     Args:
         items: The mission.
-        first: Number of that item.
+        first: Index of that item.
         to_enu: Place, m, of latitude and longitude in 1e-7 degrees and an altitude, m, above home
             or (False) above mean sea level.
     """

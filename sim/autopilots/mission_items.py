@@ -29,7 +29,7 @@ _FENCE_ITEMS = {
 
 
 class Item(NamedTuple):
-    """One item of a plan, as in MISSION_ITEM_INT."""
+    """One item, as in MISSION_ITEM_INT."""
 
     frame: int
     command: int
@@ -44,7 +44,7 @@ class Item(NamedTuple):
 
 
 def fence_is_sound(items: Sequence[Item]) -> bool:
-    """Whether fence items make whole polygons of three vertices and more, and real circles."""
+    """Whether all fence items are complete polygons of three or more vertices, or circles."""
     if any(item.command not in _FENCE_ITEMS or not _is_on_earth(item) for item in items):
         return False
     if any(
@@ -69,8 +69,8 @@ def fence_is_sound(items: Sequence[Item]) -> bool:
 
 
 def mission_is_sound(items: Sequence[Item]) -> bool:
-    """Whether the places of a mission are places that can be flown to."""
-    # NaN is not below anything; commands that name no place have zeros there.
+    """Whether the places of a mission can be flown to."""
+    # A comparison with NaN is false; commands without a place have zeros there.
     return all(_is_on_earth(item) and abs(item.z) < GREATEST_ALT_M for item in items)
 
 
@@ -81,7 +81,7 @@ def _is_on_earth(item: Item) -> bool:
 def fence_shapes(
     items: Sequence[Item], to_enu: Callable[[int, int], tuple[float, float]]
 ) -> tuple[list[Polygon], list[Polygon], list[Circle], list[Circle]]:
-    """Polygons to be inside and outside of and circles likewise, of sound fence items.
+    """Polygons and circles of a sound fence: inclusion and exclusion polygons, then circles.
 
     Args:
         items: The items.

@@ -1,7 +1,7 @@
-"""Upload and download of missions, fences and rally points.
+"""Upload and download of missions, fences and rally points (the MAVLink mission protocol).
 
-What is uploaded is kept and given back. Fences act, missions are flown
-(:mod:`sim.autopilots.mission_flight`), rally points are not used.
+What is uploaded is stored and given back. Missions are flown (:mod:`sim.autopilots.mission_flight`)
+and fences act (:mod:`sim.autopilots.geofence`); rally points are not used.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class UploadTraits(NamedTuple):
 
     Attributes:
         asks_int: Whether it asks with MISSION_REQUEST_INT or with MISSION_REQUEST.
-        repeat_s: It asks again after so long, s.
-        give_up_s: It gives up after so long without an item, s.
-        says_so: Whether it acknowledges giving up.
+        repeat_s: It asks again after this long, s.
+        give_up_s: It gives up after this long without an item, s.
+        says_so: Whether it sends MISSION_ACK when it gives up.
         home_is_first: Whether item 0 of a mission is home, and frames lose their ``_INT``.
     """
 
@@ -59,14 +59,14 @@ class _Upload:
 
 
 class MissionProtocol:
-    """The plans of one vehicle and their transfers.
+    """The stored items of one vehicle and their transfers.
 
     Args:
         traits: How it uploads.
         send: Sends a message.
 
     Attributes:
-        changes: Counts the changes of the stored plans.
+        changes: Number of changes of the stored items.
     """
 
     __slots__ = ("_send", "_stored", "_traits", "_upload", "changes")
@@ -79,7 +79,7 @@ class MissionProtocol:
         self.changes = 0
 
     def stored(self, kind: int) -> tuple[Item, ...]:
-        """The plan of a MAV_MISSION_TYPE."""
+        """The stored items of a MAV_MISSION_TYPE."""
         return self._stored[kind]
 
     def abort(self) -> None:
@@ -87,7 +87,7 @@ class MissionProtocol:
         self._upload = None
 
     def advance(self, now_s: float) -> None:
-        """Ask again, or give up."""
+        """Ask again for a missing item, or give up."""
         upload, traits = self._upload, self._traits
         if upload is None:
             return
@@ -99,7 +99,7 @@ class MissionProtocol:
             self._ask(upload, now_s)
 
     def on_count(self, message: Message, now_s: float) -> None:
-        """MISSION_COUNT begins an upload."""
+        """Begin an upload (MISSION_COUNT)."""
         peer, kind = _peer(message), message.mission_type
         if kind not in self._stored:
             self._ack(peer, dialect.MAV_MISSION_UNSUPPORTED, kind)
@@ -114,12 +114,12 @@ class MissionProtocol:
             self._ask(self._upload, now_s)
 
     def on_item(self, message: Message, now_s: float) -> None:
-        """MISSION_ITEM_INT goes on with it."""
+        """Take the next item of an upload (MISSION_ITEM_INT)."""
         upload = self._upload
         if upload is None or _peer(message) != upload.peer or message.mission_type != upload.kind:
             return
         if message.seq != len(upload.items):
-            # Late repetitions are normal where packets are lost: it asks for what it lacks.
+            # An item it has is a late repetition; one too far ahead means that one was lost.
             if message.seq > len(upload.items):
                 self._ask(upload, now_s)
             return
@@ -153,7 +153,7 @@ class MissionProtocol:
         self._ack(upload.peer, result, upload.kind)
 
     def on_clear_all(self, message: Message) -> None:
-        """MISSION_CLEAR_ALL."""
+        """Delete stored items (MISSION_CLEAR_ALL)."""
         kind = message.mission_type
         if kind == dialect.MAV_MISSION_TYPE_ALL:
             for each in self._stored:
@@ -166,7 +166,7 @@ class MissionProtocol:
         self._ack(_peer(message), dialect.MAV_MISSION_ACCEPTED, kind)
 
     def on_request_list(self, message: Message) -> None:
-        """MISSION_REQUEST_LIST begins a download."""
+        """Begin a download (MISSION_REQUEST_LIST)."""
         kind = message.mission_type
         if kind not in self._stored:
             self._ack(_peer(message), dialect.MAV_MISSION_UNSUPPORTED, kind)
@@ -176,11 +176,11 @@ class MissionProtocol:
         )
 
     def on_request(self, message: Message, home: tuple[int, int, float] | None) -> None:
-        """MISSION_REQUEST_INT or MISSION_REQUEST goes on with it.
+        """Send an item (MISSION_REQUEST_INT or MISSION_REQUEST).
 
         Args:
-            message: The request, answered in its own kind of item.
-            home: Latitude and longitude in 1e-7 degrees and altitude of home, m.
+            message: The request; it decides between MISSION_ITEM_INT and MISSION_ITEM.
+            home: Latitude and longitude of home in 1e-7 degrees and its altitude, m.
         """
         kind = message.mission_type
         items = self._stored.get(kind, ())

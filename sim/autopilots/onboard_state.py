@@ -1,4 +1,7 @@
-"""What a simulated autopilot knows about itself: read by telemetry, changed by the autopilot."""
+"""The state of a simulated autopilot: mode, task, home, landing detection, heading.
+
+Telemetry reads it; flight, commands and failsafes change it.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +24,19 @@ from swarmctl.frames import LocalFrame
 from swarmctl.units import Vector
 
 TOUCHDOWN_S = 1.0
-"""Ground contact for so long is a landing."""
+"""Ground contact for this long is a landing, s."""
 YAW_RATE_RADPS = math.radians(90.0)
+"""Greatest turn rate, rad/s."""
 
 
 class Installation(NamedTuple):
-    """What an autopilot is built into.
+    """What a vehicle gives to its autopilot.
 
     Attributes:
         config: The UAV.
         frame: Frame of the simulated world.
-        clock: Its clocks.
-        navigation: Error of its positions; the caller moves it on.
+        clock: Its clock.
+        navigation: Errors of its positions; the vehicle advances them.
         truth: True state at the start.
     """
 
@@ -50,21 +54,21 @@ class OnboardState:
     Attributes:
         config: The UAV.
         frame: Frame of the simulated world.
-        clock: Its clocks.
-        navigation: Error of its positions.
+        clock: Its clock.
+        navigation: Errors of its positions.
         truth: True state of the airframe.
-        traits: Those of its autopilot.
+        traits: Constant traits of its autopilot.
         parameters: Its parameters.
-        power_up_s: Simulation time at which it powers or powered up.
+        power_up_s: Simulation time of power-up, past or to come, s.
         battery: Its battery.
         now_s: Simulation time of ``truth``, s.
         mode: Flight mode.
-        task: What it does when in the air.
+        task: Its task in the air.
         armed: Whether the motors are armed.
-        landed: Whether it knows itself on the ground (ArduCopter's ``land_complete``).
+        landed: Whether it believes itself on the ground (ArduCopter's ``land_complete``).
         flown: Whether it left the ground since it was armed.
-        failsafe: Whether a failsafe acts.
-        mission_seq: Number of the mission's item that is flown, or is next to be.
+        failsafe: Whether HEARTBEAT shows a failsafe.
+        mission_seq: Index of the mission item that is flown, or is next.
         contact_s: Simulation time since which the airframe touches the ground; None in the air.
         idle_since_s: Simulation time since which it stands armed on the ground with nothing to
             do, s.
@@ -72,10 +76,10 @@ class OnboardState:
         home_enu: Home, m; None before it has a position.
         home_alt_amsl_m: Altitude of home, m.
         yaw_rad: Heading, clockwise from north, rad.
-        wanted_yaw_rad: Heading it turns to, rad.
-        yaw_rate_radps: Rate it turns at while it flies a velocity, rad/s clockwise.
+        wanted_yaw_rad: Heading that it turns to, rad.
+        yaw_rate_radps: Turn rate while it flies a velocity, rad/s clockwise.
         gps_ok: Whether its GPS works.
-        boot_sequence: What happens when after power-up.
+        boot_sequence: Times from power-up.
     """
 
     config: VehicleConfig
@@ -121,13 +125,13 @@ class OnboardState:
 
     @property
     def doing(self) -> Task:
-        """What it does when in the air; of a mission, what it does for its leg."""
+        """Its task in the air; during a mission, the task of the present leg."""
         task = self.task
         return task.doing or task if isinstance(task, FlyLegs) else task
 
     @property
     def gps_fix(self) -> bool:
-        """Whether its GPS knows where it is."""
+        """Whether its GPS has a fix."""
         return self.gps_ok and self.up_s >= self.boot_sequence.gps_fix_s
 
     @property
@@ -137,7 +141,7 @@ class OnboardState:
 
     @property
     def prearm_ok(self) -> bool:
-        """Whether it says it would arm."""
+        """Whether the pre-arm bit of SYS_STATUS is set."""
         return self.position_ok and self.mode.can_arm
 
     @property
@@ -147,16 +151,16 @@ class OnboardState:
         return (x + ex, y + ey, z + ez)
 
     def situation(self, home_enu: Vector) -> Situation:
-        """What guidance goes by; the velocity's error is negligible."""
+        """What tasks are given; the error of the velocity is neglected."""
         return Situation(self.now_s, self.position_enu, self.truth.velocity_enu, home_enu)
 
     def set_home_here(self) -> None:
-        """Take the present position for home."""
+        """Make the present position home."""
         self.home_enu = self.position_enu
         self.home_alt_amsl_m = self.frame.to_geodetic(*self.home_enu)[2]
 
     def detect_landing(self) -> None:
-        """Notice having left the ground or landed."""
+        """Notice a departure from the ground or a landing."""
         if not self.truth.on_ground:
             self.contact_s, self.landed, self.flown = None, False, True
             return
@@ -166,7 +170,7 @@ class OnboardState:
             self.landed, self.idle_since_s = True, self.now_s
 
     def turn(self, step_s: float) -> None:
-        """Turn towards the heading wanted, or at the rate, for a time step, s."""
+        """Turn to the wanted heading, or at the wanted rate, for a time step (s)."""
         if self.yaw_rate_radps != 0.0 and isinstance(self.task, FlyVelocity | FlyAxes):
             rate = max(-YAW_RATE_RADPS, min(YAW_RATE_RADPS, self.yaw_rate_radps))
             self.yaw_rad = self.wanted_yaw_rad = self.yaw_rad + rate * step_s

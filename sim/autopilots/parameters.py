@@ -1,4 +1,4 @@
-"""An autopilot's parameters and how they cross the wire."""
+"""The parameters of a simulated autopilot and the MAVLink parameter protocol."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Parameter(NamedTuple):
 
 
 def table(text: str) -> dict[str, Parameter]:
-    """Parameters from lines of ``NAME type value``, several on a line apart by semicolons.
+    """Parameters from ``NAME type value``, one per line or separated by semicolons.
 
     Args:
         text: The types are ``b``, ``h``, ``i`` for integers of 8, 16 and 32 bits, ``f`` for
@@ -80,7 +80,7 @@ class Parameters:
         return self._values[present] / factor
 
     def assign(self, name: str, value: float) -> None:
-        """Give a parameter a value, which an integer one rounds and bounds."""
+        """Give a parameter a value; an integer parameter rounds and bounds it."""
         kind = self._types[name]
         if kind != REAL32:
             bound = 2 ** (_BITS[kind] - 1)
@@ -89,7 +89,7 @@ class Parameters:
         self.changes += 1
 
     def take(self, message: Message) -> bool:
-        """Take a PARAM_SET; returns whether it names a parameter and carries a value for it."""
+        """Take a PARAM_SET; returns whether its name, type and value are usable."""
         name = message.param_id
         if name not in self._values:
             return False
@@ -115,11 +115,11 @@ class Parameters:
 
 
 class ParameterServer:
-    """The parameter protocol of one vehicle; an unknown name is met with silence.
+    """The parameter protocol of one vehicle; it does not answer for an unknown name.
 
     Args:
         parameters: Its parameters.
-        rate_hz: Pace of a list.
+        rate_hz: Parameters sent per second when all are asked for.
         send: Sends a message.
     """
 
@@ -135,11 +135,11 @@ class ParameterServer:
         self._allowance = 0.0
 
     def on_request_list(self, _message: Message, _now_s: float) -> None:
-        """PARAM_REQUEST_LIST."""
+        """Begin to send all parameters (PARAM_REQUEST_LIST)."""
         self._due = deque(self._parameters.names)
 
     def on_request_read(self, message: Message, _now_s: float) -> None:
-        """PARAM_REQUEST_READ, by index or else by name."""
+        """Send one parameter (PARAM_REQUEST_READ), by index or else by name."""
         names, index = self._parameters.names, message.param_index
         if 0 <= index < len(names):
             self._send(self._parameters.message(names[index]))
@@ -147,13 +147,13 @@ class ParameterServer:
             self._send(self._parameters.message(message.param_id))
 
     def on_set(self, message: Message, _now_s: float) -> None:
-        """PARAM_SET, echoed whether it was taken or not."""
+        """Take a PARAM_SET and send the value in force, changed or not."""
         if message.param_id in self._parameters:
             self._parameters.take(message)
             self._send(self._parameters.message(message.param_id))
 
     def advance(self, step_s: float) -> None:
-        """Send what a list has due after a time step, s."""
+        """Send the parameters that are due after a time step (s)."""
         if not self._due:
             return
         self._allowance += step_s * self._rate_hz
@@ -162,5 +162,5 @@ class ParameterServer:
             self._send(self._parameters.message(self._due.popleft()))
 
     def abort(self) -> None:
-        """Forget a list under way."""
+        """Stop sending all parameters."""
         self._due.clear()

@@ -1,4 +1,4 @@
-"""The ``px4`` personality: PX4 as measured on v1.16, in SITL, on its onboard link."""
+"""The simulated PX4, as measured on v1.16, in SITL, on its onboard link."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from typing import ClassVar
 
 from sim.autopilots import boot_sequence, message_intervals, px4_setpoints, telemetry
-from sim.autopilots.autopilot import Autopilot, Request
+from sim.autopilots.autopilot import Autopilot
+from sim.autopilots.command_handler import Request
 from sim.autopilots.flight_modes import FlightMode
 from sim.autopilots.flight_tasks import FlyAxes, Hold, Task
 from sim.autopilots.geofence import Fence
@@ -32,15 +33,16 @@ from sim.autopilots.traits import CAPABILITIES, Traits
 from sim.mavlink import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Message, dialect
 
 SPOOL_UP_S = 2.0
+"""Time from the take-off command to the first movement, s."""
 IDLE_EXTRA_S = 2.0
-"""What the measured auto-disarm, 12 s, is longer than COM_DISARM_PRFLT."""
+"""The measured auto-disarm, 12 s, is this much longer than COM_DISARM_PRFLT, s."""
 TAKE_OFF_CLEARANCE_M = 0.5
-"""A take-off to less above the ground goes to MIS_TAKEOFF_ALT instead."""
+"""A take-off to less than this above the ground goes to MIS_TAKEOFF_ALT instead, m."""
 
 TOO_FAR = "exceeding maximum distance to Home"
 TOO_HIGH = "exceeding maximum altitude above Home"
 OUTSIDE = "approaching or outside geofence"
-"""What it says of its fences."""
+"""What PX4 says when it breaches a fence."""
 
 TRAITS = Traits(
     autopilot=dialect.MAV_AUTOPILOT_PX4,
@@ -62,7 +64,7 @@ class Px4(Autopilot):
     """PX4.
 
     Args:
-        installation: What it is built into.
+        installation: What the vehicle gives it.
     """
 
     traits = TRAITS
@@ -93,7 +95,7 @@ class Px4(Autopilot):
         if parameters["GF_ACTION"] == 0.0 or me.home_enu is None:
             return {}
         up, across = parameters["GF_MAX_VER_DIST"], parameters["GF_MAX_HOR_DIST"]
-        fences = {OUTSIDE: self._planned_fence()}
+        fences = {OUTSIDE: self._uploaded_fence()}
         if up > 0.0:
             fences[TOO_HIGH] = Fence(ceiling_up_m=me.home_enu[2] + up)
         if across > 0.0:
@@ -121,15 +123,15 @@ class Px4(Autopilot):
         if mode is None:
             return TEMPORARILY_REJECTED
         if mode is OFFBOARD and not self._streamed():
-            return ACCEPTED  # so it says, and stays in the mode it is in
+            return ACCEPTED  # it acknowledges, but stays in its mode
         if mode is MISSION and not self._mission().legs:
             self._say("Mission rejected: no valid mission available")
             return TEMPORARILY_REJECTED
         return mode
 
     def _streamed(self) -> bool:
-        """Whether setpoints come fast enough to be flown."""
-        # By the time of the request, which is at most one step after now_s.
+        """Whether setpoints come fast enough for OFFBOARD."""
+        # The request came at most one step after now_s.
         fresh = self._me.now_s - self._setpoint_s < OFFBOARD_ENTRY_S
         return fresh and self._setpoint_s - self._previous_setpoint_s < OFFBOARD_ENTRY_S
 

@@ -11,7 +11,7 @@ from sim.autopilots.takeoff_and_landing import Descend, ReturnClimb
 from sim.mavlink import dialect
 
 SINK_MPS = 0.7
-"""Descent of a position mode without sticks."""
+"""Descent of the stick modes without a pilot, m/s."""
 
 _ALWAYS = (
     dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -66,4 +66,4 @@ OFFBOARD = _mode("OFFBOARD", 6, 0, hold, base_mode=_ALWAYS)
 MODES = {
     mode.number: mode for mode in (ALTCTL, POSCTL, TAKEOFF, LOITER, MISSION, RTL, LAND, OFFBOARD)
 }
-"""By ``custom_mode``: main mode in the third byte, sub-mode in the fourth."""
+"""The modes by ``custom_mode``: main mode in the third byte, sub-mode in the fourth."""

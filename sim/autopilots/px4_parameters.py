@@ -1,4 +1,4 @@
-"""PX4's parameters: what acts here, and what a ground station expects to find."""
+"""The parameters of the simulated PX4: those that act here and others as ballast."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SET_POSITION_TARGET_* as PX4 takes them: axis by axis, or not at all."""
+"""How the simulated PX4 takes SET_POSITION_TARGET_*: axis by axis, or not at all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmctl.frames import LocalFrame
 from swarmctl.units import Vector
 
 SANE_DISTANCE_M = 1e6
-"""A local position component beyond this is not flown."""
+"""A local position component beyond this is not flown, m."""
 
 FORCE_SET: int = dialect.POSITION_TARGET_TYPEMASK_FORCE_SET
 
@@ -21,7 +21,7 @@ NONE: Axes = (None, None, None)
 
 
 class RefusedError(Exception):
-    """A setpoint is not taken; the message is the STATUSTEXT that says so."""
+    """A setpoint is refused; the message is the STATUSTEXT that says so."""
 
 
 def global_setpoint(
@@ -31,12 +31,12 @@ def global_setpoint(
 
     Args:
         message: The decoded message.
-        frame: Frame of the simulated world, whose ground is flat: above terrain is above home.
+        frame: Frame of the simulated world; its ground is flat, so above terrain is above home.
         home_alt_amsl_m: Altitude of home, m.
         now_s: Simulation time, s.
 
     Raises:
-        RefusedError: Unknown frame, nothing to fly, or numbers nobody can fly.
+        RefusedError: Unknown frame, nothing to fly, or numbers that cannot be flown.
     """
     name, kind = "SET_POSITION_TARGET_GLOBAL_INT", message.coordinate_frame
     if kind not in {
@@ -66,7 +66,7 @@ def local_setpoint(message: Message, origin_enu: Vector, yaw_rad: float, now_s: 
         now_s: Simulation time, s.
 
     Raises:
-        RefusedError: Unknown frame, nothing to fly, or numbers nobody can fly.
+        RefusedError: Unknown frame, nothing to fly, or numbers that cannot be flown.
     """
     name, kind = "SET_POSITION_TARGET_LOCAL_NED", message.coordinate_frame
     if kind == dialect.MAV_FRAME_BODY_NED:  # no positions in it
@@ -97,7 +97,7 @@ def _task(name: str, message: Message, position: Axes, turn_rad: float, now_s: f
 
 
 def _given(mask: int, values: Vector, greatest: float, name: str) -> Axes:
-    """The components that the lowest three bits of a mask do not ignore, nor are NaN."""
+    """The components that are neither NaN nor ignored by the lowest three bits of a mask."""
     x, y, z = (
         None if mask >> i & 1 or math.isnan(value) else value for i, value in enumerate(values)
     )

@@ -16,11 +16,11 @@ BODY_FRAMES = frozenset({dialect.MAV_FRAME_BODY_NED, dialect.MAV_FRAME_BODY_OFFS
 
 
 def setpoint_yaw(message: Message, yaw_rad: float) -> float | None:
-    """Heading a setpoint asks for, rad clockwise from north; None where it leaves it open.
+    """Heading that a setpoint asks for, rad clockwise from north; None if it asks for none.
 
     Args:
         message: The decoded message.
-        yaw_rad: Heading of the vehicle, from which body frames count.
+        yaw_rad: Heading of the vehicle, rad; body frames are relative to it.
     """
     if message.type_mask & YAW_IGNORED or not math.isfinite(message.yaw):
         return None
@@ -28,13 +28,13 @@ def setpoint_yaw(message: Message, yaw_rad: float) -> float | None:
 
 
 def setpoint_yaw_rate(message: Message) -> float:
-    """Rate a setpoint asks to turn at, rad/s clockwise; 0 where it leaves it open."""
+    """Turn rate that a setpoint asks for, rad/s clockwise; 0 if it asks for none."""
     if message.type_mask & YAW_RATE_IGNORED or not math.isfinite(message.yaw_rate):
         return 0.0
     return float(message.yaw_rate)
 
 
 def turned(right: float, forward: float, yaw_rad: float) -> tuple[float, float]:
-    """East and north of a vector to the right and forward of a heading."""
+    """East and north components of a vector given right and forward of a heading."""
     sin, cos = math.sin(yaw_rad), math.cos(yaw_rad)
     return right * cos + forward * sin, forward * cos - right * sin

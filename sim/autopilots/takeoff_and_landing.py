@@ -22,8 +22,8 @@ class TakeOff(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         target_enu: Position above the launch point to climb to, m.
         started_s: Simulation time of the command, s.
-        spool_up_s: From the command to the first movement, s.
-        climb_mps: Greatest climb, m/s.
+        spool_up_s: Time from the command to the first movement, s.
+        climb_mps: Greatest climb rate, m/s.
     """
 
     target_enu: Vector
@@ -47,11 +47,11 @@ class Descend(msgspec.Struct, frozen=True, gc=False):
     """Go straight down to the ground.
 
     Attributes:
-        landing: Whether this is a landing, which disarms on the ground, or a mode that sinks
-            because nobody holds the stick.
+        landing: Whether this is a landing, which disarms on the ground; else it is a mode that
+            sinks without a pilot.
         fast_mps: Rate of descent high up, m/s.
         slow_mps: Rate of descent near the ground, m/s.
-        slow_below_m: Height above home below which that begins, m.
+        slow_below_m: Height above home at which the slow descent begins, m.
         anchor_enu: Place to descend at, m; None while braking.
     """
 
@@ -62,7 +62,7 @@ class Descend(msgspec.Struct, frozen=True, gc=False):
     anchor_enu: Vector | None = None
 
     def at(self, anchor_enu: Vector | None) -> Descend:
-        """The same at a place, m."""
+        """The same descent at a place (m)."""
         return Descend(self.landing, self.fast_mps, self.slow_mps, self.slow_below_m, anchor_enu)
 
     def fly(self, situation: Situation) -> tuple[Task, Command | None]:
@@ -76,17 +76,17 @@ class Descend(msgspec.Struct, frozen=True, gc=False):
 
 
 def sink(rate_mps: float) -> Descend:
-    """What a pilot-flown mode does whose throttle stick rests at the bottom."""
+    """The task of a pilot-flown mode whose throttle stick is at the bottom."""
     return Descend(False, rate_mps, rate_mps, 0.0)
 
 
 class ReturnClimb(msgspec.Struct, frozen=True, gc=False):
-    """First leg of a return: climb to the return height where it is.
+    """First part of a return: climb to the return height at the present place.
 
     Attributes:
-        height_m: Height above home to fly home at, m, or higher if it already is.
+        height_m: Least height above home to fly home at, m.
         landing: How it lands at home.
-        highest_m: Greatest height above home to fly home at, m; from above it first descends.
+        highest_m: Greatest height above home to fly home at, m; above it, it first descends.
         anchor_enu: Place to climb at, m; None while braking.
     """
 
@@ -109,7 +109,7 @@ class ReturnClimb(msgspec.Struct, frozen=True, gc=False):
 
 
 class ReturnCruise(msgspec.Struct, frozen=True, gc=False):
-    """Second leg of a return: fly home level; then land.
+    """Second part of a return: fly home at a constant height, then land.
 
     Attributes:
         up_m: Up coordinate to fly at, m.

@@ -1,4 +1,4 @@
-"""The messages a simulated autopilot can send, built from its state."""
+"""The telemetry messages of a simulated autopilot, built from its state."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def sys_status(onboard: OnboardState) -> Message:
 
 def system_time(onboard: OnboardState) -> Message:
     """SYSTEM_TIME; UTC is unknown before the GPS fix."""
-    # A clock once set goes on without GPS.
+    # Once set, the clock goes on without GPS.
     known = onboard.up_s >= onboard.boot_sequence.gps_fix_s
     utc_s = onboard.clock.utc_s(onboard.now_s) if known else 0.0
     return dialect.MAVLink_system_time_message(round(utc_s * 1e6), _boot_ms(onboard))
@@ -110,14 +110,14 @@ def gps_raw_int(onboard: OnboardState) -> Message:
 
 
 def attitude(onboard: OnboardState) -> Message:
-    """ATTITUDE: the airframe leans so that its rotors pull where the thrust is needed."""
+    """ATTITUDE: the airframe leans towards the thrust."""
     roll, pitch = lean(onboard.truth.thrust_enu, onboard.yaw_rad)
     yaw = math.remainder(onboard.yaw_rad, 2.0 * math.pi)
     return dialect.MAVLink_attitude_message(_boot_ms(onboard), roll, pitch, yaw, 0.0, 0.0, 0.0)
 
 
 def lean(thrust_enu: Vector, yaw_rad: float) -> tuple[float, float]:
-    """Roll and pitch (rad) that point the rotors along a thrust vector.
+    """Roll and pitch (rad) that point the rotors along a thrust vector (m/s²).
 
     In the heading's frame (forward, right, up) the rotors pull along
     ``(-cos(roll) sin(pitch), sin(roll), cos(roll) cos(pitch))``.
@@ -267,7 +267,7 @@ def gps_global_origin(onboard: OnboardState) -> Message | None:
 
 
 def timesync_request(onboard: OnboardState) -> Message:
-    """TIMESYNC that asks the other side."""
+    """TIMESYNC that asks the other side for its time."""
     return dialect.MAVLink_timesync_message(0, round(onboard.boot_s * 1e9))
 
 
@@ -297,10 +297,10 @@ COMMON: dict[int, Callable[[OnboardState], Message | None]] = {
     dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
     dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
-"""What any autopilot can be asked for, by message id."""
+"""What every autopilot can send, by message id."""
 
 ARDUPILOT = COMMON | {dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report}
-"""What ArduCopter can be asked for."""
+"""What ArduCopter can send, by message id."""
 
 
 def _boot_ms(onboard: OnboardState) -> int:

@@ -106,7 +106,7 @@ def demo(
     ] = False,
 ) -> None:
     """Fly a mission with simulated vehicles, emitter and broker, all on this machine."""
-    from swarmctl.ops.simulation import simulation_section  # noqa: PLC0415 - loads the simulator
+    from swarmctl.ops.sim_config import simulation_section  # noqa: PLC0415 - loads the simulator
 
     path = find_mission(mission)
     loaded = swarmctl.load_mission(path)

@@ -10,10 +10,10 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from swarmctl.study import consistency, track_consistency, track_health
-    from swarmctl.study.tally import Figure
+    from swarmctl.study.tally import Interval
 
 
-def print_consistency_case(title: str, rows: list[consistency.Row]) -> None:
+def print_consistency_case(title: str, rows: list[consistency.FilterRow]) -> None:
     """One case: the filters, each with its figures over time."""
     times = [f"{instant.time_s:g} s" for instant in rows[0].instants]
     shown = table(title, ["filter", "", *times])
@@ -29,7 +29,7 @@ def print_consistency_case(title: str, rows: list[consistency.Row]) -> None:
     Console().print(shown)
 
 
-def print_track_case(title: str, rows: list[track_consistency.Row]) -> None:
+def print_track_case(title: str, rows: list[track_consistency.TrackRow]) -> None:
     """One case of the track study, time after time, and what it asks for besides."""
     shown = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name in ("at", "", "bound (m)", *(row.filter for row in rows)):
@@ -47,7 +47,7 @@ def print_track_case(title: str, rows: list[track_consistency.Row]) -> None:
         Console().print(f"{measure.name}: {measure.figure.value:.3g}{interval}", highlight=False)
 
 
-def print_health(rows: list[track_health.Row]) -> None:
+def print_health(rows: list[track_health.HealthRow]) -> None:
     """What the track's health says of each fault."""
     shown = Table(
         title="health: what is said of a feed that goes wrong",
@@ -69,7 +69,7 @@ def print_health(rows: list[track_health.Row]) -> None:
     Console().print(shown)
 
 
-def _figure(figure: Figure, with_interval: bool) -> str:
+def _figure(figure: Interval, with_interval: bool) -> str:
     if not with_interval:
         return f"{figure.value:.3g}"
     return f"{figure.value:.2f}±{0.5 * (figure.high - figure.low):.2f}"

@@ -2,15 +2,14 @@
 
 Topics, for a swarm named ``S``:
 
-===================  ========================================================================
-``swarm/S/tdoa``     :class:`RangeDifferenceMessage`, one object or a list of them
-``swarm/S/toa/ID``   :class:`ArrivalTimeMessage` of receiver ``ID``, one object or a list of them
-``swarm/S/estimate`` :class:`EstimateMessage`, published by the controller
-``swarm/S/truth``    :class:`TruthMessage`, published by the simulator only; only the recorder
-                     and reports read it
-``swarm/S/truth/receivers``
-                     list of :class:`ReceiverTruthMessage`, likewise
-===================  ========================================================================
+===========================  ====================================================================
+``swarm/S/tdoa``             :class:`RangeDifferenceMessage`, one object or a list of them
+``swarm/S/toa/ID``           :class:`ArrivalTimeMessage` of receiver ``ID``, one or a list of them
+``swarm/S/estimate``         :class:`EstimateMessage`, published by the controller
+``swarm/S/truth``            :class:`TruthMessage`, published by the simulator only; only the
+                             recorder and reports read it
+``swarm/S/truth/receivers``  list of :class:`ReceiverTruthMessage`, likewise
+===========================  ====================================================================
 """
 
 from __future__ import annotations

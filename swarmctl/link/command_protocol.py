@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from enum import Enum, auto
 from typing import Literal
 
-import msgspec
-
-from swarmctl.events import CommandOutcome, Heartbeat, LandedState
+from swarmctl.events import CommandOutcome, Heartbeat
 from swarmctl.link.codec.messages import CommandAck, CommandLong, DataStream
+from swarmctl.link.command_request import Attempt, Request, State
 
 ACK_TIMEOUT_S = 1.0
 """Wait for a COMMAND_ACK before the next try."""
@@ -39,38 +37,6 @@ BUSY_TRIES = 5
 REASON_AGE_S = 2.0
 """A STATUSTEXT older than this is no reason."""
 
-State = Heartbeat | LandedState
-
-
-class Request(msgspec.Struct, frozen=True):
-    """A command of the vocabulary, as the vehicle is to be asked.
-
-    Attributes:
-        name: Class name of the command.
-        steps: What to send, each acknowledged before the next leaves.
-        shown_by: Whether a state, heard after the last step left, shows the command done;
-            None where none does.
-        needs_state: Whether the ACK is not enough and the state must follow.
-        optional: What to send after the steps; the vehicle may refuse any of it.
-        instead: For each step, what to send in its place where the vehicle refuses it, or answers
-            nothing, None for nothing; whether that helps shows only in what the vehicle then
-            says. Empty where a refusal ends the request.
-    """
-
-    name: str
-    steps: tuple[CommandLong, ...]
-    shown_by: Callable[[State], bool] | None = None
-    needs_state: bool = False
-    optional: tuple[CommandLong, ...] = ()
-    instead: tuple[CommandLong | DataStream | None, ...] = ()
-
-
-class Attempt(msgspec.Struct, frozen=True):
-    """A packet to send: the command and how many times it was sent before."""
-
-    command: CommandLong | DataStream
-    confirmation: int
-
 
 class _Stage(Enum):
     """What the exchange waits for."""
@@ -83,7 +49,7 @@ class _Stage(Enum):
     REASON = auto()
 
 
-class Exchange:
+class CommandExchange:
     """Brings requests to one vehicle, in order, and ends each with exactly one outcome.
 
     A request that is the same as the last of its name still waiting is not queued again.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 
 
 class DatagramPort(Protocol):

@@ -20,8 +20,8 @@ from swarmctl.link.codec.messages import (
     EndPlan,
     FenceAck,
     FenceCount,
-    FenceFact,
     FenceItem,
+    FenceMessage,
     FenceRequest,
     PlanPacket,
     SendItem,
@@ -81,28 +81,28 @@ class FenceExchange:
         if self._stage is _Stage.NOTHING:
             self._begin_next(now)
 
-    def on_fact(self, fact: FenceFact, now: float) -> None:
+    def on_message(self, message: FenceMessage, now: float) -> None:
         """The vehicle said something of its fence."""
-        match fact:
+        match message:
             case FenceRequest() if self._stage is _Stage.UPLOAD:
                 self._asked_for = True
                 self._due_s = min(now + QUIET_S, self._give_up_s)
-                if fact.seq == 0:
+                if message.seq == 0:
                     self._packets.append(SendItem(self._fence))
             case FenceAck() if self._stage is _Stage.UPLOAD:
-                if fact.result == "ACCEPTED":
+                if message.result == "ACCEPTED":
                     self._ask(_Stage.COUNT, AskForPlan(), now)
                 else:
-                    self._finish("refused", f"MISSION_ACK says {fact.result}", now)
+                    self._finish("refused", f"MISSION_ACK says {message.result}", now)
             case FenceCount() if self._stage is _Stage.COUNT:
-                if fact.count == 1:
+                if message.count == 1:
                     self._ask(_Stage.ITEM, AskForItem(), now)
                 else:
                     self._packets.append(EndPlan())
-                    self._finish("refused", f"read back, it has {fact.count} items, not 1", now)
-            case FenceItem() if self._stage is _Stage.ITEM and fact.seq == 0:
+                    self._finish("refused", f"read back, it has {message.count} items, not 1", now)
+            case FenceItem() if self._stage is _Stage.ITEM and message.seq == 0:
                 self._packets.append(EndPlan())
-                fault = self._difference(fact)
+                fault = self._difference(message)
                 if fault:
                     self._finish("refused", f"read back, {fault}", now)
                 else:

@@ -12,8 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
+from swarmctl.link.address import Address
 from swarmctl.link.codec.framing import target_of
-from swarmctl.link.codec.messages import Address, Frame
+from swarmctl.link.codec.messages import Frame
 
 
 class Forwarder:

@@ -20,18 +20,18 @@ from swarmctl.commands import (
     WriteParameter,
 )
 from swarmctl.events import CommandOutcome, InputRejected, Observation, VehicleVersion
-from swarmctl.link.codec.messages import CommandAck, Fact, FenceFact, TimeSyncAnswer
+from swarmctl.link.codec.messages import CommandAck, FenceMessage, Message, TimeSyncAnswer
 from swarmctl.link.parameter_protocol import unread
-from swarmctl.link.vehicle import Packet, Vehicle
 from swarmctl.link.vehicle_link import VehicleLink
+from swarmctl.link.vehicle_session import Packet, VehicleSession
 
 PERIOD_S = 1.0
 """Between our own heartbeats, and between two reports of link quality."""
 
-VehicleType = TypeVar("VehicleType", bound=Vehicle)
+SessionType = TypeVar("SessionType", bound=VehicleSession)
 
 
-class LinkBase(VehicleLink, ABC, Generic[VehicleType]):
+class LinkBase(VehicleLink, ABC, Generic[SessionType]):
     """Common part of the vehicle links; a subclass sends and receives.
 
     Args:
@@ -40,7 +40,7 @@ class LinkBase(VehicleLink, ABC, Generic[VehicleType]):
 
     def __init__(self, gcs_sysid: int) -> None:
         self._gcs_sysid = gcs_sysid
-        self._vehicles: dict[int, VehicleType] = {}
+        self._vehicles: dict[int, SessionType] = {}
         self._events: list[Observation] = []
         self._next_period_s = math.inf
         self.messages_in = 0
@@ -55,15 +55,15 @@ class LinkBase(VehicleLink, ABC, Generic[VehicleType]):
         """Send our heartbeats and questions."""
 
     @abstractmethod
-    def _has_asked(self, vehicle: VehicleType, asked_ns: int, now: float) -> bool:
+    def _has_asked(self, vehicle: SessionType, asked_ns: int, now: float) -> bool:
         """Whether a TIMESYNC answers a question of ours: other stations ask, too."""
 
     @abstractmethod
-    def _send_setpoint(self, goto: GoTo, vehicle: VehicleType, now: float) -> bool:
+    def _send_setpoint(self, goto: GoTo, vehicle: SessionType, now: float) -> bool:
         """Send a setpoint if possible; returns whether it was sent."""
 
     @abstractmethod
-    def _send_packet(self, packet: Packet, vehicle: VehicleType, now: float) -> None:
+    def _send_packet(self, packet: Packet, vehicle: SessionType, now: float) -> None:
         """Send a packet. One that cannot be sent is lost: its exchange asks again."""
 
     # --- In and out --------------------------------------------------------------------
@@ -141,29 +141,29 @@ class LinkBase(VehicleLink, ABC, Generic[VehicleType]):
         """Send heartbeats from now on."""
         self._next_period_s = min(self._next_period_s, now)
 
-    def _take(self, fact: Fact, vehicle: VehicleType, now: float) -> None:
+    def _take(self, message: Message, vehicle: SessionType, now: float) -> None:
         """Take what a vehicle says; an answer only if the question was ours."""
-        if isinstance(fact, VehicleVersion):
-            fault = vehicle.identify(fact)
+        if isinstance(message, VehicleVersion):
+            fault = vehicle.identify(message)
             if fault is not None:
                 self._reject("changed_uid", fault, now)
-        if vehicle.is_another or not self._is_for_us(fact, vehicle, now):
+        if vehicle.is_another or not self._is_for_us(message, vehicle, now):
             return
-        observation = vehicle.take(fact, now)
+        observation = vehicle.take(message, now)
         if observation is not None:
             self._events.append(observation)
         self._flush(vehicle, now)
 
-    def _is_for_us(self, fact: Fact, vehicle: VehicleType, now: float) -> bool:
-        match fact:
-            case CommandAck() | FenceFact():
-                return fact.target_system in {0, self._gcs_sysid}
+    def _is_for_us(self, message: Message, vehicle: SessionType, now: float) -> bool:
+        match message:
+            case CommandAck() | FenceMessage():
+                return message.target_system in {0, self._gcs_sysid}
             case TimeSyncAnswer():
-                return self._has_asked(vehicle, fact.asked_ns, now)
+                return self._has_asked(vehicle, message.asked_ns, now)
             case _:
                 return True
 
-    def _flush(self, vehicle: VehicleType, now: float) -> None:
+    def _flush(self, vehicle: SessionType, now: float) -> None:
         """Send and report what the vehicle's exchanges have decided."""
         for packet in vehicle.packets():
             self._send_packet(packet, vehicle, now)

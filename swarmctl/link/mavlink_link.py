@@ -7,18 +7,26 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from swarmctl.commands import Command, GoTo
-from swarmctl.link.channels import SILENT_LINK_S, Channels
+from swarmctl.link.address import Address
 from swarmctl.link.codec import decoding
+from swarmctl.link.codec.encoding import Encoders
 from swarmctl.link.codec.framing import split
-from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, Address, DataStream, Fault, Frame
-from swarmctl.link.command_protocol import Attempt
+from swarmctl.link.codec.messages import (
+    AUTOPILOT_COMPONENT,
+    DataStream,
+    Fault,
+    Frame,
+)
+from swarmctl.link.command_request import Attempt
 from swarmctl.link.datagram_port import DatagramPort
 from swarmctl.link.forwarding import Forwarder
+from swarmctl.link.heartbeats import Heartbeats
 from swarmctl.link.link_base import LinkBase
 from swarmctl.link.parameter_protocol import ReadPacket, SetPacket
-from swarmctl.link.roster import AddressedVehicle, Roster
 from swarmctl.link.signing import Signing
-from swarmctl.link.vehicle import Packet
+from swarmctl.link.silent_endpoints import SILENT_LINK_S, SilentEndpoints
+from swarmctl.link.vehicle_roster import AddressedSession, VehicleRoster
+from swarmctl.link.vehicle_session import Packet
 
 
 class _Datagram(NamedTuple):
@@ -29,7 +37,7 @@ class _Datagram(NamedTuple):
     now: float
 
 
-class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
+class MavlinkLink(LinkBase[AddressedSession], DatagramPort):
     """MAVLink with every vehicle of a swarm, however many share a port.
 
     Vehicles are told apart by system id. A vehicle is met with the first HEARTBEAT of its
@@ -59,9 +67,11 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
         super().__init__(gcs_sysid)
         self._signing = signing
         self._forwarder = Forwarder(gcs_sysid, stations) if stations else None
-        self._channels = Channels(gcs_sysid, signing)
-        self._roster = Roster(
-            vehicles, self._vehicles, self._channels, self.send, self._reject, speedup
+        encoders = Encoders(gcs_sysid, signing)
+        self._heartbeats = Heartbeats(encoders)
+        self._silent_endpoints = SilentEndpoints()
+        self._roster = VehicleRoster(
+            vehicles, self._vehicles, encoders, self.send, self._reject, speedup
         )
         self._datagrams: list[tuple[bytes, Address]] = []
         self._traffic: list[tuple[float, bytes]] = []
@@ -99,7 +109,7 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
             return False
         self.messages_in += 1
         self._traffic.append((datagram.now, frame.raw))
-        self._channels.heard(datagram.address)
+        self._silent_endpoints.heard(datagram.address.endpoint)
         return True
 
     def _route(self, frame: Frame, datagram: _Datagram) -> bool:
@@ -117,7 +127,7 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
             return False
         return True
 
-    def _locate(self, frame: Frame, datagram: _Datagram) -> AddressedVehicle | None:
+    def _locate(self, frame: Frame, datagram: _Datagram) -> AddressedSession | None:
         """The vehicle that sent the frame, if it may speak from there; then it is passed on.
 
         A HEARTBEAT may make a new vehicle: our heartbeat is sent from now on. A frame of a
@@ -132,20 +142,20 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
                 return None
             if self._next_period_s == math.inf:
                 self._begin(now)
-        if not self._roster.is_where(vehicle, address, now):
+        if not self._roster.may_speak_from(vehicle, address, now):
             return None
         self._pass_to_stations(frame, address)
         return vehicle
 
-    def _decode(self, frame: Frame, vehicle: AddressedVehicle, datagram: _Datagram) -> None:
+    def _decode(self, frame: Frame, vehicle: AddressedSession, datagram: _Datagram) -> None:
         """Count the frame and take what it says."""
         vehicle.statistics.count(frame.seq)
         vehicle.encoder.hear(frame)
-        fact = decoding.read(frame, datagram.now)
-        if isinstance(fact, Fault):
-            self._reject_bytes(fact, datagram)
-        elif fact is not None:
-            self._take(fact, vehicle, datagram.now)
+        message = decoding.read(frame, datagram.now)
+        if isinstance(message, Fault):
+            self._reject_bytes(message, datagram)
+        elif message is not None:
+            self._take(message, vehicle, datagram.now)
 
     # --- Commands and timer --------------------------------------------------------------
 
@@ -163,29 +173,29 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
 
     def _every_period(self, now: float) -> None:
         addresses = (vehicle.address for vehicle in self._vehicles.values())
-        for frame, address in self._channels.period(addresses, now):
+        for frame, address in self._heartbeats.period(addresses, now):
             self._transmit(frame, address, now)
-        for url in self._channels.silent(now):
+        for url in self._silent_endpoints.overdue(now):
             self._name_silence(url, now)
 
-    def _has_asked(self, vehicle: AddressedVehicle, asked_ns: int, now: float) -> bool:
-        return self._channels.has_asked(vehicle.address, asked_ns)
+    def _has_asked(self, vehicle: AddressedSession, asked_ns: int, now: float) -> bool:
+        return self._heartbeats.has_asked(vehicle.address, asked_ns)
 
     # --- Endpoints -----------------------------------------------------------------------
 
     def listen(self, urls: Sequence[str], now: float) -> None:
         """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
-        self._channels.listen(urls, now)
+        self._silent_endpoints.listen(urls, now)
         self._begin(now)
 
     def open(self, address: Address, now: float) -> None:
         """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
-        self._channels.call(address)
+        self._heartbeats.call(address)
         self._begin(now)
 
     def close(self, address: Address) -> None:
         """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
-        self._channels.hang_up(address)
+        self._heartbeats.hang_up(address)
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
         """See :class:`swarmctl.link.datagram_port.DatagramPort`."""
@@ -253,13 +263,13 @@ class MavlinkLink(LinkBase[AddressedVehicle], DatagramPort):
 
     # --- What is said ------------------------------------------------------------------
 
-    def _send_setpoint(self, goto: GoTo, vehicle: AddressedVehicle, now: float) -> bool:
+    def _send_setpoint(self, goto: GoTo, vehicle: AddressedSession, now: float) -> bool:
         frame = vehicle.encoder.setpoint(goto, now)
         if frame is not None:
             self._transmit(frame, vehicle.address, now)
         return frame is not None
 
-    def _send_packet(self, packet: Packet, vehicle: AddressedVehicle, now: float) -> None:
+    def _send_packet(self, packet: Packet, vehicle: AddressedSession, now: float) -> None:
         encoder, sysid = vehicle.encoder, vehicle.sysid
         match packet:
             case Attempt():

@@ -27,15 +27,15 @@ from swarmctl.commands import Command, GoTo, RequestVersion, UploadFence
 from swarmctl.errors import LinkError
 from swarmctl.link import mavsdk_messages as messages
 from swarmctl.link.codec.messages import AUTOPILOT_COMPONENT, CommandLong, DataStream, Fault
-from swarmctl.link.command_protocol import Attempt
+from swarmctl.link.command_request import Attempt
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.link_base import PERIOD_S, LinkBase
 from swarmctl.link.parameter_protocol import ReadPacket, SetPacket
-from swarmctl.link.vehicle import Packet, Vehicle
 from swarmctl.link.vehicle_clock import BootClock
+from swarmctl.link.vehicle_session import Packet, VehicleSession
 
 
-class _Vehicle(Vehicle):
+class _MavsdkSession(VehicleSession):
     """A vehicle and MAVSDK's way to it."""
 
     def __init__(self, sysid: int, direct: MavlinkDirect, now: float, clock: BootClock) -> None:
@@ -43,7 +43,7 @@ class _Vehicle(Vehicle):
         self.direct = direct
 
 
-class MavsdkLink(LinkBase[_Vehicle]):
+class MavsdkLink(LinkBase[_MavsdkSession]):
     """The vehicles of a swarm by MAVSDK; :meth:`close` ends its connections.
 
     MAVSDK tells neither addresses nor sequence numbers, so two vehicles with the same system id
@@ -140,7 +140,7 @@ class MavsdkLink(LinkBase[_Vehicle]):
                 self._reject("unexpected_vehicle", detail, now)
                 continue
             direct = MavlinkDirect(system)
-            self._vehicles[sysid] = _Vehicle(sysid, direct, now, BootClock(self._speedup))
+            self._vehicles[sysid] = _MavsdkSession(sysid, direct, now, BootClock(self._speedup))
             self._begin(now)
             for name in messages.MESSAGES:
                 direct.subscribe_message(name, lambda message, _: self._put(message))
@@ -153,13 +153,13 @@ class MavsdkLink(LinkBase[_Vehicle]):
         vehicle.statistics.count(vehicle.statistics.messages_in & 0xFF)
         if vehicle.hear(now):
             self.send(RequestVersion(sysid=vehicle.sysid), now)
-        fact = messages.read(message.message_name, message.fields_json, vehicle.sysid, now)
-        if isinstance(fact, Fault):
-            self._reject(fact.kind, f"{fact.detail}.", now)
-        elif fact is not None:
-            self._take(fact, vehicle, now)
+        said = messages.read(message.message_name, message.fields_json, vehicle.sysid, now)
+        if isinstance(said, Fault):
+            self._reject(said.kind, f"{said.detail}.", now)
+        elif said is not None:
+            self._take(said, vehicle, now)
 
-    def _has_asked(self, vehicle: _Vehicle, asked_ns: int, now: float) -> bool:
+    def _has_asked(self, vehicle: _MavsdkSession, asked_ns: int, now: float) -> bool:
         # MAVSDK may ask, too, by another clock: the future and the far past are not ours.
         return now - PERIOD_S <= asked_ns / 1e9 <= now
 
@@ -171,11 +171,11 @@ class MavsdkLink(LinkBase[_Vehicle]):
             self._transmit(vehicle, "HEARTBEAT", messages.HEARTBEAT)
             self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
 
-    def _send_setpoint(self, goto: GoTo, vehicle: _Vehicle, now: float) -> bool:
+    def _send_setpoint(self, goto: GoTo, vehicle: _MavsdkSession, now: float) -> bool:
         name = "SET_POSITION_TARGET_GLOBAL_INT"
         return self._transmit(vehicle, name, messages.setpoint(goto, now))
 
-    def _send_packet(self, packet: Packet, vehicle: _Vehicle, now: float) -> None:
+    def _send_packet(self, packet: Packet, vehicle: _MavsdkSession, now: float) -> None:
         sysid = vehicle.sysid
         match packet:
             case Attempt(command=DataStream() as stream):
@@ -192,7 +192,7 @@ class MavsdkLink(LinkBase[_Vehicle]):
                 self._transmit(vehicle, "PARAM_SET", setting)
 
     @staticmethod
-    def _transmit(vehicle: _Vehicle, name: str, fields: str | None) -> bool:
+    def _transmit(vehicle: _MavsdkSession, name: str, fields: str | None) -> bool:
         """Whether there was a message to send and MAVSDK sent it."""
         if fields is None:
             return False

@@ -19,10 +19,10 @@ from swarmctl.link.codec.messages import (
     AUTOPILOT_COMPONENT,
     CommandLong,
     DataStream,
-    Fact,
     Fault,
+    Message,
     MessageId,
-    ParameterFact,
+    ParameterMessage,
 )
 
 _GLOBAL_INT = 5
@@ -35,7 +35,7 @@ MESSAGES = tuple(message.name for message in MessageId if not message.name.start
 """Names of the messages that are read: all but those of a fence's upload."""
 
 
-def read(name: str, fields: str, sysid: int, received_s: float) -> Fact | Fault | None:
+def read(name: str, fields: str, sysid: int, received_s: float) -> Message | Fault | None:
     """What a message says.
 
     Args:
@@ -64,11 +64,11 @@ def _plain(value: object) -> object:
     return value.encode() if isinstance(value, str) else value
 
 
-def _parameter(values: Mapping[str, Any]) -> ParameterFact | None:
+def _parameter(values: Mapping[str, Any]) -> ParameterMessage | None:
     value = values["param_value"]
     if value is None:  # the bytes of a NaN, or of an integer that looks like one
         return None
-    return ParameterFact(values["param_id"], struct.pack("<f", value), values["param_type"])
+    return ParameterMessage(values["param_id"], struct.pack("<f", value), values["param_type"])
 
 
 # --- Sent ------------------------------------------------------------------------------

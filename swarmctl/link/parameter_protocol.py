@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import msgspec
 
 from swarmctl.events import ParameterValue
-from swarmctl.link.codec.messages import ParameterFact, Spelling
+from swarmctl.link.codec.messages import ParameterMessage, Spelling
 
 ANSWER_TIMEOUT_S = 1.0
 """Wait for a PARAM_VALUE before the next try."""
@@ -41,16 +41,16 @@ def is_parameter_name(name: str) -> bool:
     return name.isascii() and 0 < len(name) <= _MAX_PARAMETER_NAME
 
 
-def parameter_value(fact: ParameterFact, *, bytewise: bool) -> float:
+def parameter_value(message: ParameterMessage, *, bytewise: bool) -> float:
     """The value of a PARAM_VALUE.
 
     Args:
-        fact: What came.
+        message: What came.
         bytewise: Whether integers travel as their bytes
             (https://mavlink.io/en/services/parameter.html#parameter-encoding).
     """
-    layout = _INTEGERS.get(fact.kind, _FLOAT) if bytewise else _FLOAT
-    (value,) = layout.unpack(fact.raw)
+    layout = _INTEGERS.get(message.kind, _FLOAT) if bytewise else _FLOAT
+    (value,) = layout.unpack(message.raw)
     return float(value)
 
 
@@ -144,19 +144,19 @@ class ParameterExchange:
         self._jobs.append(job)
         self._try(job, now)
 
-    def on_value(self, fact: ParameterFact, now: float, *, bytewise: bool) -> None:
+    def on_value(self, message: ParameterMessage, now: float, *, bytewise: bool) -> None:
         """The vehicle told a parameter, asked or unasked.
 
         Args:
-            fact: What it told.
+            message: What it told.
             now: Monotonic time, s.
             bytewise: Whether its integers travel as their bytes.
         """
         for job in list(self._jobs):
-            spelling = next((s for s in job.spellings if s.name == fact.name), None)
+            spelling = next((s for s in job.spellings if s.name == message.name), None)
             if spelling is None:
                 continue
-            own_value = parameter_value(fact, bytewise=bytewise)
+            own_value = parameter_value(message, bytewise=bytewise)
             job.heard = ParameterValue(
                 received_s=now,
                 sysid=self._sysid,
@@ -169,11 +169,11 @@ class ParameterExchange:
                 self._end(job, now)
             elif job.set_packet is None:
                 # The type on the wire must be the vehicle's, and it has just told it.
-                raw = parameter_bytes(job.wanted / spelling.unit, fact.kind, bytewise=bytewise)
+                raw = parameter_bytes(job.wanted / spelling.unit, message.kind, bytewise=bytewise)
                 if raw is None:
                     self._end(job, now)
                 else:
-                    job.set_packet = SetPacket(spelling.name, raw, fact.kind)
+                    job.set_packet = SetPacket(spelling.name, raw, message.kind)
                     job.tries = 0
                     self._try(job, now)
             # Else it may be the answer to the question before: only silence ends a write.

@@ -183,9 +183,9 @@ class Controller:
         return self._result
 
     @property
-    def changed_settings(self) -> list[str]:
+    def unrestored_parameters(self) -> list[str]:
         """Parameters of vehicles that were set for the flight and are not restored, in words."""
-        return self._preflight.settings.left_behind()
+        return self._preflight.failsafes.left_behind()
 
     def progress(self, now: float) -> str:
         """How far the phase is, in words."""
@@ -246,11 +246,11 @@ class Controller:
 
     def _restored(self, now: float) -> bool:
         """Give the vehicles their own parameters back; whether that has come to its end."""
-        settings = self._preflight.settings
-        self._commands += settings.restore(now)
-        if not settings.is_restored(now):
+        failsafes = self._preflight.failsafes
+        self._commands += failsafes.restore(now)
+        if not failsafes.is_restored(now):
             return False
-        for text in settings.left_behind():
+        for text in failsafes.left_behind():
             self._say(now, "error", f"could not restore {text}: set it back yourself")
         return True
 

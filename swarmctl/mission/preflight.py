@@ -10,7 +10,7 @@ import math
 from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTelemetry, UploadFence
 from swarmctl.events import CommandOutcome
 from swarmctl.formation.separation import least_distances
-from swarmctl.mission.failsafes.session import Settings
+from swarmctl.mission.failsafes.session import FailsafeSession
 from swarmctl.mission.failure import Failure
 from swarmctl.mission.filter_settings import expected_enu
 from swarmctl.mission.fleet import Fleet, VehicleState
@@ -204,7 +204,7 @@ class Preflight:
         shadow: Whether others fly the vehicles.
 
     Attributes:
-        settings: The vehicles' failsafe parameters.
+        failsafes: The vehicles' failsafe parameters.
         failure: Why the mission cannot start; None while it still may.
         complete: Whether every check of every vehicle has passed.
     """
@@ -227,7 +227,7 @@ class Preflight:
         self._asked_at: dict[int, float] = {}
         self._fence_at: dict[int, float] = {}
         self._fence: dict[int, CommandOutcome] = {}
-        self.settings = Settings(mission, fleet)
+        self.failsafes = FailsafeSession(mission, fleet)
         self.failure: Failure | None = None
         self.complete = False
 
@@ -266,7 +266,7 @@ class Preflight:
         ]
         if not self._shadow:
             # Nothing is set on vehicles that could not fly anyway.
-            commands += self.settings.step(now, may_set=not unready)
+            commands += self.failsafes.step(now, may_set=not unready)
             commands += [] if unready else self._upload_fences(now)
         unmet = {v.sysid: texts for v in vehicles if (texts := self._unmet(v))}
         if not self.all_heard:
@@ -275,7 +275,7 @@ class Preflight:
             return commands
         if self._heard_since is None:
             self._heard_since = now
-        refusal = None if unready or self._shadow else self.settings.refusal()
+        refusal = None if unready or self._shadow else self.failsafes.refusal()
         if refusal is not None:
             self.failure = Failure(MissionResult.UNSAFE_FAILSAFES, refusal)
         elif not unmet:
@@ -287,13 +287,13 @@ class Preflight:
 
     def warnings(self) -> list[str]:
         """What the operator should know before vehicles that pass every check take off."""
-        return [] if self._shadow else self.settings.warnings()
+        return [] if self._shadow else self.failsafes.warnings()
 
     def _unmet(self, vehicle: VehicleState) -> list[str]:
         unmet = unmet_checks(vehicle, self._mission, may_fly=self._shadow)
         if self._shadow:
             return unmet
-        unmet += self.settings.unmet(vehicle)
+        unmet += self.failsafes.unmet(vehicle)
         if self._mission.limits.upload_geofence and not self._is_fenced(vehicle):
             outcome = self._fence.get(vehicle.sysid)
             said = "" if outcome is None else f" ({outcome.detail})"

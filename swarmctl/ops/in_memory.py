@@ -16,13 +16,13 @@ from sim.radio_channel import Impairments, RadioChannel
 from sim.world import World
 from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
+from swarmctl.ops.mission_signing import signing_key
 from swarmctl.ops.recording import Recording
-from swarmctl.ops.signing import signing_key
-from swarmctl.ops.simulation import sim_config, simulation_section
+from swarmctl.ops.sim_config import sim_config, simulation_section
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from swarmctl.recorder.summary import FlightSummary

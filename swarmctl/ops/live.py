@@ -19,8 +19,8 @@ from swarmctl.feed.client import BrokerAddress, FeedClient, connect
 from swarmctl.link.autopilots.personality import PERSONALITIES
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.snapshot import Snapshot
+from swarmctl.ops.mission_signing import signing
 from swarmctl.ops.recording import Recording
-from swarmctl.ops.signing import signing
 from swarmctl.ops.station import Station
 from swarmctl.ops.transports import EndpointTransport, MavsdkTransport, Transport
 from swarmctl.ops.vehicle_links import mavsdk_link, native_link, station_addresses
@@ -240,7 +240,7 @@ def what_vehicles_do(station: Station) -> str:
             known = vehicle.known_parameters
             does = personality.after_controller_stops(beat.mode, beat.armed, known)
         lines.append(f"  vehicle {vehicle.sysid} ({beat.mode_name}{where}) {does}.")
-    lines += [f"  set back yourself: {text}." for text in station.controller.changed_settings]
+    lines += [f"  set back yourself: {text}." for text in station.controller.unrestored_parameters]
     return "\n".join(lines)
 
 

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.datagram_port import DatagramPort
 from swarmctl.link.endpoints.opening import Endpoints, open_endpoints
 from swarmctl.link.mavlink_link import MavlinkLink

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from swarmctl.errors import UsageError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.url import parse_url
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing

@@ -18,9 +18,9 @@ from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.bounds.pcrb import CramerRaoBound
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity
 from swarmctl.estimation.model.range_difference import effective_relative_covariance
+from swarmctl.study.batch_filter import BatchFilter, Belief, Scan
 from swarmctl.study.engagement import Engagement, Moment, fly, measure
 from swarmctl.study.executors import in_order
-from swarmctl.study.filters import Belief, Filter, Scan
 from swarmctl.study.starts import CA, CV, JUMP, Draw, Start
 from swarmctl.study.tally import BoundTally, Tally
 from swarmctl.units import Array, Mask
@@ -42,15 +42,17 @@ class Campaign:
         process_noise: Spectral density of the emitter's acceleration per axis, m²/s³: of the
             truth if the start disturbs it, and of the constant-velocity bound.
         engagement: The scene.
+        slow: Names of the filters that fly the first chunk only.
     """
 
     start: Start
-    filters: Mapping[str, Filter]
+    filters: Mapping[str, BatchFilter]
     formations: Mapping[str, Array]
     runs: int
     seed: int
     process_noise: tuple[float, float] = (0.0, 0.0)
     engagement: Engagement = field(default_factory=Engagement)
+    slow: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if self.runs < 2:
@@ -81,8 +83,8 @@ class FormationResult:
 
     def add(self, other: FormationResult) -> None:
         """Add the runs of another chunk."""
-        for name in self.tallies:
-            self.tallies[name] += other.tallies[name]
+        for name, tally in other.tallies.items():
+            self.tallies[name] += tally
         self.cv_bound += other.cv_bound
         self.ca_bound += other.ca_bound
 
@@ -150,6 +152,7 @@ def _fly(work: tuple[Campaign, str, int]) -> FormationResult:
     logs = {
         name: Log(name, candidate, draw, runs, epochs)
         for name, candidate in campaign.filters.items()
+        if chunk == 0 or name not in campaign.slow
     }
     # The same trajectory in all runs has one bound: the first chunk's.
     bounds = _Bounds(draw, motion, epochs) if draw.emitter.ndim > 1 or chunk == 0 else None
@@ -177,7 +180,9 @@ class Log:
         epochs: It will be given.
     """
 
-    def __init__(self, name: str, candidate: Filter, draw: Draw, runs: int, epochs: int) -> None:
+    def __init__(
+        self, name: str, candidate: BatchFilter, draw: Draw, runs: int, epochs: int
+    ) -> None:
         self._name = name
         self._filter = candidate
         self._start = candidate.start(draw.prior)
@@ -201,10 +206,10 @@ class Log:
             # A run that overflows is counted as broken; it need not be announced.
             with np.errstate(all="ignore"):
                 belief = self._filter.step(self._belief, scan)
-                track = self._filter.track(belief, scan)
-            self._error[k] = track.x - truth
-            self._variance[k] = np.linalg.diagonal(track.P)
-            self._covariance[k] = track.P[..., 0, 1]
+                estimate = self._filter.estimate(belief, scan)
+            self._error[k] = estimate.x - truth
+            self._variance[k] = np.linalg.diagonal(estimate.P)
+            self._covariance[k] = estimate.P[..., 0, 1]
         except Exception as error:  # a researcher's filter may raise anything
             raise EstimationError(f"{self._name} failed at epoch {k}: {error}") from error
         if belief.guarded is not None:

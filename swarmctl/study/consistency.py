@@ -18,7 +18,7 @@ from swarmctl.study.campaign import Campaign, FormationResult, run_campaign
 from swarmctl.study.engagement import Engagement
 from swarmctl.study.registry import JUDGED, PERPENDICULAR, Registry
 from swarmctl.study.starts import DrawnEstimate, DrawnTruth, RangeIgnorant, Start
-from swarmctl.study.tally import Figure
+from swarmctl.study.tally import Interval
 
 TIMES_S = (1.0, 4.0, 8.0, 12.0)
 """When the tracks are judged, s."""
@@ -28,7 +28,7 @@ RHO = 0.5
 """Share of the RD variance from the reference receiver: equal receivers."""
 
 
-class Target(NamedTuple):
+class FilterTolerance(NamedTuple):
     """What the consistent filter is held to.
 
     Attributes:
@@ -40,39 +40,42 @@ class Target(NamedTuple):
     nees: tuple[float, float]
 
 
-class Case(NamedTuple):
+class FilterCase(NamedTuple):
     """One experiment.
 
     Attributes:
         title: What is drawn.
         start: How.
         process_noise: Of the emitter and of the model, per axis, m²/s³.
-        target: None where only lost tracks count.
+        tolerance: None where only lost tracks count.
     """
 
     title: str
     start: Start
     process_noise: tuple[float, float]
-    target: Target | None
+    tolerance: FilterTolerance | None
 
 
 CASES = {
-    "matched": Case(
-        "matched: the truth is drawn, P0", DrawnTruth(), (0.01, 0.01), Target(1.05, (1.8, 2.2))
+    "matched": FilterCase(
+        "matched: the truth is drawn, P0",
+        DrawnTruth(),
+        (0.01, 0.01),
+        FilterTolerance(1.05, (1.8, 2.2)),
     ),
-    "literal": Case(
+    "literal": FilterCase(
         "literal: the estimate is drawn, P0",
         DrawnEstimate(),
         (0.0, 0.0),
-        Target(1.10, (1.5, 2.4)),
+        FilterTolerance(1.10, (1.5, 2.4)),
     ),
-    "literal-20": Case(
-        "literal, P0 x 20²", DrawnEstimate(20.0), (0.0, 0.0), Target(1.15, (1.5, 2.4))
+    "literal-20": FilterCase(
+        "literal, P0 x 20²", DrawnEstimate(20.0), (0.0, 0.0), FilterTolerance(1.15, (1.5, 2.4))
     ),
-    "literal-40": Case(
-        "literal, P0 x 40²", DrawnEstimate(40.0), (0.0, 0.0), Target(1.15, (1.5, 2.4))
+    "literal-40": FilterCase(
+        "literal, P0 x 40²", DrawnEstimate(40.0), (0.0, 0.0), FilterTolerance(1.15, (1.5, 2.4))
     ),
-    "range-ignorant": Case(
+    "range-ignorant": FilterCase(
         "range-ignorant: 10 ± 5 km assumed, 5 km true", RangeIgnorant(), (0.0, 0.0), None
     ),
 }
@@ -80,7 +83,7 @@ CASES = {
 
 
 @dataclass(frozen=True)
-class Instant:
+class FilterInstant:
     """One filter at one time.
 
     Attributes:
@@ -98,14 +101,14 @@ class Instant:
     rmse_m: float
     cv_bound_m: float
     ca_bound_m: float
-    ratio_cv: Figure
-    ratio_ca: Figure
-    nees: Figure
+    ratio_cv: Interval
+    ratio_ca: Interval
+    nees: Interval
     inside_95: float
 
 
 @dataclass(frozen=True)
-class Row:
+class FilterRow:
     """One filter in one case.
 
     Attributes:
@@ -121,7 +124,7 @@ class Row:
     case: str
     filter: str
     runs: int
-    instants: tuple[Instant, ...]
+    instants: tuple[FilterInstant, ...]
     lost: int
     guard_firings: int
     shortfalls: tuple[str, ...] | None
@@ -135,7 +138,7 @@ def run_consistency(
     cases: tuple[str, ...] = tuple(CASES),
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Row]:
+) -> list[FilterRow]:
     """Fly every case with every registered filter, in the paper's formation of N = 3.
 
     Args:
@@ -165,6 +168,7 @@ def run_consistency(
             seed,
             case.process_noise,
             Engagement(rho=RHO),
+            registry.slow,
         )
         done_before = index * runs
 
@@ -176,7 +180,7 @@ def run_consistency(
     return rows
 
 
-def _row(name: str, case: Case, candidate: str, result: FormationResult) -> Row:
+def _row(name: str, case: FilterCase, candidate: str, result: FormationResult) -> FilterRow:
     tally = result.tallies[candidate]
     period = Engagement().period_s
     cv, ca = result.cv_bound.rmse, result.ca_bound.rmse
@@ -185,36 +189,38 @@ def _row(name: str, case: Case, candidate: str, result: FormationResult) -> Row:
         k = round(time_s / period)
         rmse, (low, high) = tally.rmse[k], tally.rmse_interval[k]
         instants.append(
-            Instant(
+            FilterInstant(
                 time_s,
                 float(rmse),
                 float(cv[k]),
                 float(ca[k]),
-                Figure(float(rmse / cv[k]), float(low / cv[k]), float(high / cv[k])),
-                Figure(float(rmse / ca[k]), float(low / ca[k]), float(high / ca[k])),
-                Figure(float(tally.mean_nees[k]), *map(float, tally.nees_interval[k])),
+                Interval(float(rmse / cv[k]), float(low / cv[k]), float(high / cv[k])),
+                Interval(float(rmse / ca[k]), float(low / ca[k]), float(high / ca[k])),
+                Interval(float(tally.mean_nees[k]), *map(float, tally.nees_interval[k])),
                 float(tally.coverage[k]),
             )
         )
     lost = int(tally.lost[round(LOST_AT_S / period)])
-    shortfalls = _shortfalls(case.target, instants, lost) if candidate == JUDGED else None
-    return Row(
+    shortfalls = _shortfalls(case.tolerance, instants, lost) if candidate == JUDGED else None
+    return FilterRow(
         name, candidate, tally.runs, tuple(instants), lost, int(tally.guarded.sum()), shortfalls
     )
 
 
-def _shortfalls(target: Target | None, instants: list[Instant], lost: int) -> tuple[str, ...]:
+def _shortfalls(
+    tolerance: FilterTolerance | None, instants: list[FilterInstant], lost: int
+) -> tuple[str, ...]:
     """Targets the confidence intervals do not reach, as sentences."""
     missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost else []
-    if target is None:
+    if tolerance is None:
         return tuple(missed)
     for instant in instants:
-        if instant.ratio_cv.low > target.ratio:
+        if instant.ratio_cv.low > tolerance.ratio:
             missed.append(
                 f"RMSE / bound at least {instant.ratio_cv.low:.3f} at {instant.time_s:g} s,"
-                f" above {target.ratio:g}"
+                f" above {tolerance.ratio:g}"
             )
-        low, high = target.nees
+        low, high = tolerance.nees
         if instant.nees.low > high or instant.nees.high < low:
             missed.append(
                 f"NEES {instant.nees.low:.2f}-{instant.nees.high:.2f} at {instant.time_s:g} s,"

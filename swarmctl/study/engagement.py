@@ -17,7 +17,7 @@ import numpy as np
 from swarmctl.errors import UsageError
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.range_difference import range_differences, rd_covariance
-from swarmctl.study.filters import Prior, Scan, Truth
+from swarmctl.study.batch_filter import RelativePrior, Scan, Truth
 from swarmctl.units import Array
 
 
@@ -219,10 +219,10 @@ def measure(engagement: Engagement, moment: Moment, rng: np.random.Generator, ru
     )
 
 
-def prior_at(mean: Array, covariance: Array, engagement: Engagement) -> Prior:
+def prior_at(mean: Array, covariance: Array, engagement: Engagement) -> RelativePrior:
     """A prior at the start: where the reference UAV is then, is known."""
     velocity = engagement.speed_mps * _direction(np.asarray(engagement.heading_rad))
-    return Prior(mean, covariance, np.array([-engagement.range_m, 0.0, *velocity]))
+    return RelativePrior(mean, covariance, np.array([-engagement.range_m, 0.0, *velocity]))
 
 
 def _direction(angle: Array) -> Array:

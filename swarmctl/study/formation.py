@@ -35,7 +35,7 @@ RESAMPLES = 2000
 ALTITUDE_STEP_M = 12.0
 
 
-class Flight(NamedTuple):
+class MissionOutcome(NamedTuple):
     """One mission.
 
     Attributes:
@@ -100,7 +100,7 @@ def run_formation(
         # A mission file's own words for a name it does not know.
         parse_mission(mission_text(design, companions[0]))
     work = [(design, n, seed + k) for n in companions for design in designs for k in range(runs)]
-    flights: dict[tuple[str, int], list[Flight]] = {}
+    flights: dict[tuple[str, int], list[MissionOutcome]] = {}
     for done, ((design, n, _), flight) in enumerate(
         zip(work, in_order(executor, fly_mission, work), strict=True), start=1
     ):
@@ -114,7 +114,7 @@ def run_formation(
     ]
 
 
-def fly_mission(work: tuple[str, int, int]) -> Flight:
+def fly_mission(work: tuple[str, int, int]) -> MissionOutcome:
     """Fly one mission: a design's name, the number of companions, a seed."""
     design, companions, seed = work
     with tempfile.TemporaryDirectory() as folder:
@@ -122,8 +122,8 @@ def fly_mission(work: tuple[str, int, int]) -> Flight:
         path.write_text(mission_text(design, companions))
         summary = fly_in_memory(path, seed=seed, snapshot_every_s=LOOK_EVERY_S, until=_is_over)
     if summary.converged_s is None or summary.final_error_m is None:
-        return Flight(np.inf, np.inf)
-    return Flight(summary.converged_s, summary.final_error_m)
+        return MissionOutcome(np.inf, np.inf)
+    return MissionOutcome(summary.converged_s, summary.final_error_m)
 
 
 def mission_text(design: str, companions: int) -> str:
@@ -146,7 +146,7 @@ def _is_over(snapshot: Snapshot) -> bool:
 
 
 def _cells(
-    companions: int, flights: dict[str, list[Flight]], rng: np.random.Generator
+    companions: int, flights: dict[str, list[MissionOutcome]], rng: np.random.Generator
 ) -> list[Cell]:
     times = {name: np.array([flight.converged_s for flight in f]) for name, f in flights.items()}
     # Paired: a mission counts only if every design converged in it.

@@ -14,8 +14,8 @@ import numpy as np
 
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
+from swarmctl.study.batch_filter import Scan, Truth
 from swarmctl.study.engagement import Moment
-from swarmctl.study.filters import Scan, Truth
 from swarmctl.units import Array
 
 ECHO_M = (50.0, 300.0)
@@ -26,7 +26,7 @@ know nothing but scans."""
 
 
 @dataclass(frozen=True)
-class Receivers:
+class SimulatedReceivers:
     """The errors of all receivers, which are alike.
 
     Attributes:
@@ -47,7 +47,7 @@ class Receivers:
         variance = self.arrival_m**2 + self.position_m**2
         return variance * (np.eye(companions) + 1.0)
 
-    def all_white(self) -> Receivers:
+    def all_white(self) -> SimulatedReceivers:
         """As a filter is told that knows white noise only: the same sigmas in all."""
         errors = self.errors
         return replace(
@@ -91,7 +91,7 @@ class Reception:
 
     def __init__(
         self,
-        receivers: Receivers,
+        receivers: SimulatedReceivers,
         runs: int,
         companions: int,
         of_noise: np.random.Generator,
@@ -147,7 +147,7 @@ class Reception:
         return keep * error + math.sqrt(1.0 - keep * keep) * sigma * fresh
 
 
-def scan_of(heard: Heard, receivers: Receivers) -> Scan:
+def scan_of(heard: Heard, receivers: SimulatedReceivers) -> Scan:
     """What a filter is given of it that knows white noise only, echoes included."""
     told, moment = receivers.all_white(), heard.moment
     count = heard.companions or heard.rd.shape[-1]

@@ -17,7 +17,9 @@ from typing import TypeVar
 import numpy as np
 
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.study.filters import Filter, ekf, iterated_ekf, ncrkf, okf
+from swarmctl.study.batch_filter import BatchFilter
+from swarmctl.study.filterpy_filter import filterpy_ekf
+from swarmctl.study.filters import ekf, iterated_ekf, ncrkf, okf
 from swarmctl.units import Array
 
 _T = TypeVar("_T")
@@ -25,7 +27,7 @@ _T = TypeVar("_T")
 ProcessNoise = tuple[float, float]
 """Spectral density of the emitter's acceleration in the case under study, per axis, m²/s³."""
 
-FilterFactory = Callable[[ProcessNoise], Filter]
+FilterFactory = Callable[[ProcessNoise], BatchFilter]
 """Makes a filter for a case's process noise; it may ignore the noise."""
 
 JUDGED = "NCRKF"
@@ -48,19 +50,23 @@ class Registry:
 
     def __init__(self) -> None:
         self._filters: dict[str, FilterFactory] = {}
+        self._slow: set[str] = set()
         self._formations: dict[str, tuple[tuple[float, float], ...]] = {}
 
-    def register_filter(self, name: str, make: FilterFactory) -> None:
+    def register_filter(self, name: str, make: FilterFactory, *, slow: bool = False) -> None:
         """Add a filter to every study.
 
         Args:
             name: Its row and curve.
             make: Makes the filter for the case's process noise.
+            slow: Whether it flies the first chunk of a campaign only, to keep its cost in check.
 
         Raises:
             UsageError: The name is taken.
         """
         _add(self._filters, "filter", name, make)
+        if slow:
+            self._slow.add(name)
 
     def register_formation(self, name: str, slots: Sequence[tuple[float, float]]) -> None:
         """Add a formation to the studies that compare formations.
@@ -81,9 +87,14 @@ class Registry:
             )
         _add(self._formations, "formation", name, tuple((float(a), float(d)) for a, d in array))
 
-    def filters(self, process_noise: ProcessNoise) -> dict[str, Filter]:
+    def filters(self, process_noise: ProcessNoise) -> dict[str, BatchFilter]:
         """All filters, made for a case's process noise, by name."""
         return {name: make(process_noise) for name, make in self._filters.items()}
+
+    @property
+    def slow(self) -> frozenset[str]:
+        """Names of the filters that fly the first chunk of a campaign only."""
+        return frozenset(self._slow)
 
     def formations(self) -> dict[str, Array]:
         """All formations by name, each (N, 2) of (angle rad, distance m)."""
@@ -108,6 +119,7 @@ def standard_registry(files: Iterable[Path] = ()) -> Registry:
     registry.register_filter("EKF, the paper's", lambda _: ekf())
     registry.register_filter("OKF", lambda _: okf())
     registry.register_filter("iterated EKF", lambda q: iterated_ekf(process_noise=q))
+    registry.register_filter("filterpy_ekf", filterpy_ekf, slow=True)
     registry.register_formation("perpendicular", PERPENDICULAR)
     registry.register_formation("uniform", UNIFORM)
     for path in dict.fromkeys(files):

@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from swarmctl.study.batch_filter import RelativePrior
 from swarmctl.study.engagement import Engagement, prior_at, relative_state
-from swarmctl.study.filters import Prior
 from swarmctl.units import Array
 
 CV = (0, 1, 3, 4)
@@ -40,12 +40,12 @@ class Draw(NamedTuple):
         disturbed: Whether the emitter's velocity is disturbed by the case's process noise.
     """
 
-    prior: Prior
+    prior: RelativePrior
     emitter: Array
     disturbed: bool
 
 
-def fixed_frame(prior: Prior) -> tuple[Array, Array]:
+def fixed_frame(prior: RelativePrior) -> tuple[Array, Array]:
     """Position and velocity of a prior in the fixed frame: own motion is known.
 
     Returns:

@@ -113,6 +113,7 @@ def run_table1(
         runs,
         seed,
         engagement=engagement,
+        slow=registry.slow,
     )
     return Table1(campaign, run_campaign(campaign, executor, on_progress), scenes)
 

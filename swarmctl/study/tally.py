@@ -209,7 +209,7 @@ def _interval(total: Array, square: Array, count: Array) -> tuple[Array, Array]:
 # --- Intervals of counts and means -------------------------------------------------------
 
 
-class Figure(NamedTuple):
+class Interval(NamedTuple):
     """A mean over runs with its 95 % confidence interval."""
 
     value: float
@@ -217,29 +217,29 @@ class Figure(NamedTuple):
     high: float
 
 
-def mean_of(values: Array) -> Figure:
+def mean_of(values: Array) -> Interval:
     """Of independent numbers, (runs,), by the central limit theorem."""
     mean = float(values.mean())
     half = NORMAL_95 * float(values.std(ddof=1)) / math.sqrt(len(values))
-    return Figure(mean, mean - half, mean + half)
+    return Interval(mean, mean - half, mean + half)
 
 
-def root_ratio(squares: Array, others: Array) -> Figure:
+def root_ratio(squares: Array, others: Array) -> Interval:
     """Root of the ratio of two means over the same runs, (runs,), by the delta method."""
     ratio = float(squares.mean() / others.mean())
     off = mean_of(squares - ratio * others)
     half = (off.high - off.value) / float(others.mean())
-    return Figure(math.sqrt(ratio), math.sqrt(max(ratio - half, 0.0)), math.sqrt(ratio + half))
+    return Interval(math.sqrt(ratio), math.sqrt(max(ratio - half, 0.0)), math.sqrt(ratio + half))
 
 
-def share(count: int, runs: int) -> Figure:
+def share(count: int, runs: int) -> Interval:
     """Of runs, with the exact interval of Clopper and Pearson."""
     low = float(betaincinv(count, runs - count + 1, 0.025)) if count else 0.0
     high = float(betaincinv(count + 1, runs - count, 0.975)) if count < runs else 1.0
-    return Figure(count / runs, low, high)
+    return Interval(count / runs, low, high)
 
 
-def poisson_rate(count: int, hours: float) -> Figure:
+def poisson_rate(count: int, hours: float) -> Interval:
     """Events an hour, with the exact interval."""
     low = float(gammaincinv(count, 0.025)) if count else 0.0
-    return Figure(count / hours, low / hours, float(gammaincinv(count + 1, 0.975)) / hours)
+    return Interval(count / hours, low / hours, float(gammaincinv(count + 1, 0.975)) / hours)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
 from swarmctl.study.engagement import Turn
-from swarmctl.study.receivers import Receivers
+from swarmctl.study.receivers import SimulatedReceivers
 from swarmctl.study.registry import ProcessNoise
 from swarmctl.study.starts import Anywhere, DrawnEstimate, DrawnTruth, RangeIgnorant, Start
 
@@ -29,7 +29,7 @@ TIMES_S = (1.0, 4.0, 8.0, 12.0, 16.0)
 """When a track is judged, s."""
 
 
-class Target(NamedTuple):
+class TrackTolerance(NamedTuple):
     """What the tracker is held to at some times.
 
     Attributes:
@@ -58,7 +58,7 @@ class Gap(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Case:
+class TrackCase:
     """One experiment.
 
     Attributes:
@@ -66,7 +66,7 @@ class Case:
         start: What is drawn.
         receivers: Their errors.
         period_s: Between two measurements.
-        targets: What the RMSE and the NEES are held to.
+        tolerances: What the RMSE and the NEES are held to.
         times_s: When the tracks are judged; the last is the end.
         process_noise: Of the models, and of the emitter if the start disturbs it, m²/s³.
         formation: Angles from the line of sight, degrees.
@@ -80,9 +80,9 @@ class Case:
 
     title: str
     start: Start
-    receivers: Receivers
+    receivers: SimulatedReceivers
     period_s: float
-    targets: tuple[Target, ...]
+    tolerances: tuple[TrackTolerance, ...]
     times_s: tuple[float, ...] = TIMES_S
     process_noise: ProcessNoise = (0.0, 0.0)
     formation: tuple[float, ...] = PERPENDICULAR
@@ -94,29 +94,29 @@ class Case:
     sides: bool = False
 
 
-WHITE = Receivers()
+WHITE = SimulatedReceivers()
 """Table 1's noise, with equal receivers."""
-CLOCKS = Receivers(position_m=0.0, errors=ReceiverErrors(9.0, 0.3, 1.5, 60.0))
+CLOCKS = SimulatedReceivers(position_m=0.0, errors=ReceiverErrors(9.0, 0.3, 1.5, 60.0))
 """Clocks of 30 ns that drift by 1 ns/s, and GNSS."""
-COLOURED = Receivers(
+COLOURED = SimulatedReceivers(
     arrival_m=0.0, errors=ReceiverErrors(colour_m=0.5 * math.sqrt(0.5), colour_tau_s=0.5)
 )
 """The RDs' 0.5 m lasts for 0.5 s."""
 
 _QUICK_S, _SLOW_S = 0.02, 0.1
 _LEFT, _STOP = "the emitter turns left by 90°", "the emitter stops"
-_CLOCKS_POOR = (Target((12.0, 16.0), 2.0, (1.2, 5.0)),)
+_CLOCKS_POOR = (TrackTolerance((12.0, 16.0), 2.0, (1.2, 5.0)),)
 
 
-def _turning(what: str, turn: Turn, period_s: float = _QUICK_S) -> Case:
-    return Case(
+def _turning(what: str, turn: Turn, period_s: float = _QUICK_S) -> TrackCase:
+    return TrackCase(
         f"{what} at 8 s, from 20 m/s; {1.0 / period_s:g} Hz",
         DrawnEstimate(),
         WHITE,
         period_s,
         (
-            Target((8.2, 8.5, 9.0, 10.0, 11.0, 12.0), None, (1.0, 6.0)),
-            Target((13.0, 14.0, 16.0), 2.0, (1.5, 3.0)),
+            TrackTolerance((8.2, 8.5, 9.0, 10.0, 11.0, 12.0), None, (1.0, 6.0)),
+            TrackTolerance((13.0, 14.0, 16.0), 2.0, (1.5, 3.0)),
         ),
         times_s=(7.9, 8.2, 8.5, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 16.0),
         process_noise=(0.01, 0.01),
@@ -124,14 +124,14 @@ def _turning(what: str, turn: Turn, period_s: float = _QUICK_S) -> Case:
     )
 
 
-def _deaf(what: str, left: int, receivers: Receivers) -> Case:
+def _deaf(what: str, left: int, receivers: SimulatedReceivers) -> TrackCase:
     times_s = (4.9, 7.0, 10.0, 12.0, 14.9, 15.5, 16.0)
-    return Case(
+    return TrackCase(
         f"{what} from 5 to 15 s; 10 Hz",
         DrawnTruth(),
         receivers,
         _SLOW_S,
-        (Target(times_s, None, (1.0, 4.0)),),
+        (TrackTolerance(times_s, None, (1.0, 4.0)),),
         times_s=times_s,
         process_noise=(0.01, 0.01),
         gap=Gap(4.95, 14.95, left),
@@ -139,50 +139,50 @@ def _deaf(what: str, left: int, receivers: Receivers) -> Case:
 
 
 CASES = {
-    "tracker-range-ignorant": Case(
+    "tracker-range-ignorant": TrackCase(
         "range-ignorant: 10 ± 5 km assumed, 5 km true; 50 Hz",
         RangeIgnorant(),
         WHITE,
         _QUICK_S,
-        (Target((12.0,), 1.2, (1.5, 2.6)),),
+        (TrackTolerance((12.0,), 1.2, (1.5, 2.6)),),
     ),
-    "echoes": Case(
+    "echoes": TrackCase(
         "10 % of the RDs are echoes of +50..300 m, P0; 50 Hz",
         DrawnEstimate(),
-        Receivers(echoes=0.1),
+        SimulatedReceivers(echoes=0.1),
         _QUICK_S,
-        (Target(TIMES_S, None, (1.6, 2.6)),),
+        (TrackTolerance(TIMES_S, None, (1.6, 2.6)),),
         echo_ratio=1.3,
     ),
-    "clocks": Case(
+    "clocks": TrackCase(
         "clocks 30 ns and 1 ns/s, navigation 1.5 m for 60 s, P0; 10 Hz",
         DrawnEstimate(),
         CLOCKS,
         _SLOW_S,
-        (Target(TIMES_S, 1.4, (1.5, 4.0)),),
+        (TrackTolerance(TIMES_S, 1.4, (1.5, 4.0)),),
     ),
-    "clocks-20": Case(
+    "clocks-20": TrackCase(
         "the same clocks and navigation, P0 x 20²; 10 Hz",
         DrawnEstimate(20.0),
         CLOCKS,
         _SLOW_S,
         _CLOCKS_POOR,
     ),
-    "clocks-range-ignorant": Case(
+    "clocks-range-ignorant": TrackCase(
         "the same clocks and navigation, 10 ± 5 km assumed; 10 Hz",
         RangeIgnorant(),
         CLOCKS,
         _SLOW_S,
         _CLOCKS_POOR,
     ),
-    "coloured": Case(
+    "coloured": TrackCase(
         "RD errors of 0.5 m that last for 0.5 s, P0; 50 Hz",
         DrawnEstimate(),
         COLOURED,
         _QUICK_S,
-        (Target(TIMES_S, 1.3, (1.5, 3.0)),),
+        (TrackTolerance(TIMES_S, 1.3, (1.5, 3.0)),),
     ),
-    "line": Case(
+    "line": TrackCase(
         "all UAVs on one line, the side unknown; 10 Hz",
         Anywhere(),
         WHITE,
@@ -192,7 +192,7 @@ CASES = {
         formation=ON_A_LINE,
         sides=True,
     ),
-    "line-hovering": Case(
+    "line-hovering": TrackCase(
         "all UAVs on one line, hovering, the side unknown; 10 Hz",
         Anywhere(),
         WHITE,
@@ -203,8 +203,8 @@ CASES = {
         speed_mps=0.0,
         sides=True,
     ),
-    "no-prior": Case("no prior; 10 Hz", Anywhere(), WHITE, _SLOW_S, (), first=(2.0, 6.0)),
-    "no-prior-clocks": Case(
+    "no-prior": TrackCase("no prior; 10 Hz", Anywhere(), WHITE, _SLOW_S, (), first=(2.0, 6.0)),
+    "no-prior-clocks": TrackCase(
         "no prior, the same clocks and navigation; 10 Hz",
         Anywhere(),
         CLOCKS,

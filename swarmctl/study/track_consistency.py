@@ -21,15 +21,15 @@ from swarmctl.study.executors import in_order
 from swarmctl.study.registry import Registry
 from swarmctl.study.tally import (
     BoundTally,
-    Figure,
+    Interval,
     Tally,
     mean_of,
     poisson_rate,
     root_ratio,
     share,
 )
-from swarmctl.study.track_cases import CASES, Case
-from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, Flown, Tracked, fly_chunk
+from swarmctl.study.track_cases import CASES, TrackCase
+from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, ChunkResult, Tracked, fly_chunk
 
 CHUNK = 20
 """Runs flown by a worker at once: some ten seconds."""
@@ -41,7 +41,7 @@ _EPOCH_S = 8e-4
 
 
 @dataclass(frozen=True)
-class Instant:
+class TrackInstant:
     """One filter at one time.
 
     Attributes:
@@ -56,8 +56,8 @@ class Instant:
     time_s: float
     rmse_m: float
     bound_m: float
-    ratio: Figure
-    nees: Figure
+    ratio: Interval
+    nees: Interval
     inside_95: float
 
 
@@ -72,18 +72,18 @@ class Measure:
     """
 
     name: str
-    figure: Figure
+    figure: Interval
     greatest: float | None
 
 
 @dataclass(frozen=True)
-class Row:
+class TrackRow:
     """One filter in one case.
 
     Attributes:
         case: Its name.
         filter: Its name.
-        runs: Flown.
+        runs: ChunkResult.
         instants: At the case's times.
         lost: Tracks lost at 12 s.
         measures: What else the case asks for.
@@ -93,7 +93,7 @@ class Row:
     case: str
     filter: str
     runs: int
-    instants: tuple[Instant, ...]
+    instants: tuple[TrackInstant, ...]
     lost: int
     measures: tuple[Measure, ...]
     shortfalls: tuple[str, ...] | None
@@ -110,7 +110,7 @@ def run_track_consistency(
     cases: Sequence[str] = tuple(CASES),
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Row]:
+) -> list[TrackRow]:
     """Fly cases with the tracker and with every registered filter.
 
     Args:
@@ -138,13 +138,13 @@ def run_track_consistency(
         for name in cases
         for number, size in enumerate(sizes)
     ]
-    flown: list[Flown] = []
+    flown: list[ChunkResult] = []
     done = 0
     for item, result in zip(work, in_order(executor, fly_chunk, work), strict=True):
         flown.append(result)
         done += item.runs
         on_progress(done, runs * len(cases))
-    rows: list[Row] = []
+    rows: list[TrackRow] = []
     for index, name in enumerate(cases):
         rows += _rows(name, CASES[name], flown[index * len(sizes) : (index + 1) * len(sizes)])
     return rows
@@ -163,7 +163,7 @@ def cost_s(cases: Sequence[str]) -> float:
 # --- Rows ------------------------------------------------------------------------------
 
 
-def _rows(name: str, case: Case, flown: Sequence[Flown]) -> list[Row]:
+def _rows(name: str, case: TrackCase, flown: Sequence[ChunkResult]) -> list[TrackRow]:
     """The tracker's rows, then the filters'."""
     bound = flown[0].bound
     tallies = dict(flown[0].tallies)
@@ -185,34 +185,34 @@ def _rows(name: str, case: Case, flown: Sequence[Flown]) -> list[Row]:
             clean = tracked.get(WITHOUT_ECHOES)
             measures = (*_measures(case, tracks, clean),)
             shortfalls = _shortfalls(case, instants, lost, measures)
-        rows.append(Row(name, label, tally.runs, instants, lost, measures, shortfalls))
+        rows.append(TrackRow(name, label, tally.runs, instants, lost, measures, shortfalls))
     for label, tally in tallies.items():
         instants = _instants(case, tally, bound)
-        rows.append(Row(name, label, tally.runs, instants, _lost(case, tally), (), None))
+        rows.append(TrackRow(name, label, tally.runs, instants, _lost(case, tally), (), None))
     return rows
 
 
-def _lost(case: Case, tally: Tally) -> int:
+def _lost(case: TrackCase, tally: Tally) -> int:
     return int(tally.lost[case.times_s.index(LOST_AT_S)])
 
 
-def _instants(case: Case, tally: Tally, bound: BoundTally) -> tuple[Instant, ...]:
+def _instants(case: TrackCase, tally: Tally, bound: BoundTally) -> tuple[TrackInstant, ...]:
     rmse, interval = tally.rmse, tally.rmse_interval
     limit = bound.rmse
     return tuple(
-        Instant(
+        TrackInstant(
             time_s,
             float(rmse[k]),
             float(limit[k]),
-            Figure(*(float(v / limit[k]) for v in (rmse[k], *interval[k]))),
-            Figure(float(tally.mean_nees[k]), *map(float, tally.nees_interval[k])),
+            Interval(*(float(v / limit[k]) for v in (rmse[k], *interval[k]))),
+            Interval(float(tally.mean_nees[k]), *map(float, tally.nees_interval[k])),
             float(tally.coverage[k]),
         )
         for k, time_s in enumerate(case.times_s)
     )
 
 
-def _measures(case: Case, tracks: Tracked, clean: Tracked | None) -> list[Measure]:
+def _measures(case: TrackCase, tracks: Tracked, clean: Tracked | None) -> list[Measure]:
     """What the case asks for besides the table, then what is of interest in all."""
     measures = []
     if clean is not None:
@@ -229,13 +229,13 @@ def _measures(case: Case, tracks: Tracked, clean: Tracked | None) -> list[Measur
         latest_s, greatest = case.first
         # One that never comes is later than any.
         last = float(np.nan_to_num(tracks.first_s, nan=math.inf).max())
-        measures.append(Measure("latest first estimate (s)", Figure(last, last, last), latest_s))
+        measures.append(Measure("latest first estimate (s)", Interval(last, last, last), latest_s))
         measures.append(
             Measure("mean NEES of the first estimate", mean_of(tracks.first_nees), greatest)
         )
     if case.sides:
         silent = float(tracks.silent.any(1).sum())
-        measures.append(Measure("silently wrong", Figure(silent, silent, silent), 0.0))
+        measures.append(Measure("silently wrong", Interval(silent, silent, silent), 0.0))
         for k, time_s in enumerate(case.times_s):
             resolved = share(int(tracks.resolved[:, k].sum()), len(tracks.resolved))
             measures.append(Measure(f"share resolved at {time_s:g} s", resolved, None))
@@ -248,7 +248,7 @@ def _measures(case: Case, tracks: Tracked, clean: Tracked | None) -> list[Measur
 
 
 def _shortfalls(
-    case: Case, instants: Sequence[Instant], lost: int, measures: Sequence[Measure]
+    case: TrackCase, instants: Sequence[TrackInstant], lost: int, measures: Sequence[Measure]
 ) -> tuple[str, ...]:
     """Targets the confidence intervals do not reach, as sentences.
 
@@ -256,16 +256,16 @@ def _shortfalls(
     """
     missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost and not case.sides else []
     at = {instant.time_s: instant for instant in instants}
-    for target in case.targets:
-        for instant in (at[time_s] for time_s in target.times_s):
-            if target.ratio is not None and not instant.ratio.low <= target.ratio:
+    for tolerance in case.tolerances:
+        for instant in (at[time_s] for time_s in tolerance.times_s):
+            if tolerance.ratio is not None and not instant.ratio.low <= tolerance.ratio:
                 missed.append(
                     f"RMSE / bound at least {instant.ratio.low:.2f} at {instant.time_s:g} s,"
-                    f" above {target.ratio:g}"
+                    f" above {tolerance.ratio:g}"
                 )
-            if target.nees is None:
+            if tolerance.nees is None:
                 continue
-            low, high = target.nees
+            low, high = tolerance.nees
             if not (instant.nees.low <= high and instant.nees.high >= low):
                 missed.append(
                     f"NEES {instant.nees.low:.2f}-{instant.nees.high:.2f} at"

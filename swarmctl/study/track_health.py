@@ -23,10 +23,10 @@ from swarmctl.estimation.model.rows import star
 from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study.engagement import Engagement, fly
 from swarmctl.study.executors import in_order
-from swarmctl.study.receivers import Receivers, Reception
+from swarmctl.study.receivers import Reception, SimulatedReceivers
 from swarmctl.study.registry import PERPENDICULAR
 from swarmctl.study.starts import DrawnEstimate, fixed_frame
-from swarmctl.study.tally import Figure, poisson_rate, share
+from swarmctl.study.tally import Interval, poisson_rate, share
 from swarmctl.study.track_cases import MANOEUVRE
 from swarmctl.units import Array
 
@@ -79,7 +79,7 @@ class _Fault:
         one = np.array([1.0, 0.0, 0.0])
         match self._name:
             case "noise doubled":
-                more = math.sqrt(3.0 * Receivers().white_covariance(3)[0, 0])
+                more = math.sqrt(3.0 * SimulatedReceivers().white_covariance(3)[0, 0])
                 rd = rd + more * self._rng.standard_normal(rd.shape)
             case "errors of 2 m for 0.5 s":
                 fresh = 2.0 * self._rng.standard_normal(rd.shape)
@@ -108,7 +108,7 @@ class _Fault:
 
 
 @dataclass(frozen=True)
-class Row:
+class HealthRow:
     """What the health said to one fault.
 
     Attributes:
@@ -124,10 +124,10 @@ class Row:
 
     fault: str
     runs: int
-    named: Figure | None
+    named: Interval | None
     latest_s: float
     causes: dict[str, int]
-    false_alarms: Figure
+    false_alarms: Interval
     hours: float
     shortfalls: tuple[str, ...]
 
@@ -147,7 +147,7 @@ def run_track_health(
     faults: Sequence[str] = FAULTS,
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Row]:
+) -> list[HealthRow]:
     """Fly every fault.
 
     Args:
@@ -189,7 +189,7 @@ def _fly(work: tuple[str, int, int, int]) -> list[_Said]:
     engagement = Engagement(period_s=PERIOD_S, duration_s=UNTIL_S)
     draw = DrawnEstimate().draw(engagement, of_start, runs)
     formation = np.array(PERPENDICULAR)
-    receivers = Receivers()
+    receivers = SimulatedReceivers()
     reception = Reception(receivers, runs, len(formation), of_noise, of_echoes)
     fault = _Fault(name, of_fault)
     epochs = []
@@ -226,7 +226,7 @@ def _listen(
     return _Said(false_alarms, math.nan, None)
 
 
-def _row(fault: str, said: Sequence[_Said]) -> Row:
+def _row(fault: str, said: Sequence[_Said]) -> HealthRow:
     runs, good = len(said), fault == GOOD
     hours = runs * (UNTIL_S if good else FROM_S) / 3600.0
     alarms = poisson_rate(sum(one.false_alarms for one in said), hours)
@@ -241,4 +241,4 @@ def _row(fault: str, said: Sequence[_Said]) -> Row:
         )
     latest_s = math.nan if np.isnan(after_s).all() else float(np.nanmax(after_s))
     causes = dict(Counter(one.cause for one in said if one.cause is not None).most_common())
-    return Row(fault, runs, named, latest_s, causes, alarms, hours, tuple(shortfalls))
+    return HealthRow(fault, runs, named, latest_s, causes, alarms, hours, tuple(shortfalls))

@@ -23,14 +23,14 @@ from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.rows import star
 from swarmctl.estimation.track.behaviour import Behaviour
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.campaign import Log
 from swarmctl.study.engagement import Engagement, Moment, fly
-from swarmctl.study.filters import Filter
 from swarmctl.study.receivers import Heard, Reception, scan_of
 from swarmctl.study.registry import D_MAX_M
 from swarmctl.study.starts import Draw, fixed_frame
 from swarmctl.study.tally import LOST_NEES, BoundTally, Tally
-from swarmctl.study.track_cases import MANOEUVRE, Case
+from swarmctl.study.track_cases import MANOEUVRE, TrackCase
 from swarmctl.units import Array, Mask
 
 JUDGED = "tracker"
@@ -89,14 +89,14 @@ class Chunk(NamedTuple):
         runs: How many.
     """
 
-    case: Case
-    filters: Mapping[str, Filter]
+    case: TrackCase
+    filters: Mapping[str, BatchFilter]
     seed: int
     number: int
     runs: int
 
 
-class Flown(NamedTuple):
+class ChunkResult(NamedTuple):
     """What came of a chunk.
 
     Attributes:
@@ -110,7 +110,7 @@ class Flown(NamedTuple):
     bound: BoundTally
 
 
-def fly_chunk(chunk: Chunk) -> Flown:
+def fly_chunk(chunk: Chunk) -> ChunkResult:
     """Fly one chunk of a case."""
     case, filters, seed, number, runs = chunk
     of_start, of_emitter, of_noise, of_echoes = (
@@ -152,15 +152,15 @@ def fly_chunk(chunk: Chunk) -> Flown:
             bound += _bound(case, draw, [_of_run(epoch.moment, run) for epoch in heard])
     elif number == 0:
         bound += _bound(case, draw, [epoch.moment for epoch in heard])
-    return Flown(tracked, {name: log.tally(at) for name, log in logs.items()}, bound)
+    return ChunkResult(tracked, {name: log.tally(at) for name, log in logs.items()}, bound)
 
 
-def _scene(case: Case) -> Engagement:
+def _scene(case: TrackCase) -> Engagement:
     scene = Engagement(period_s=case.period_s, duration_s=case.times_s[-1])
     return scene if case.speed_mps is None else replace(scene, speed_mps=case.speed_mps)
 
 
-def _companions(case: Case, time_s: float) -> int:
+def _companions(case: TrackCase, time_s: float) -> int:
     """How many are heard."""
     if case.gap is not None and case.gap.from_s <= time_s < case.gap.until_s:
         return case.gap.left
@@ -178,7 +178,7 @@ def _of_run(moment: Moment, run: int) -> Moment:
     )
 
 
-def _bound(case: Case, draw: Draw, moments: Sequence[Moment]) -> BoundTally:
+def _bound(case: TrackCase, draw: Draw, moments: Sequence[Moment]) -> BoundTally:
     """Along one trajectory, at the case's times."""
     bound = AugmentedBound(
         fixed_frame(draw.prior)[1], case.receivers.errors, np.array(case.process_noise)
@@ -203,7 +203,7 @@ def _bound(case: Case, draw: Draw, moments: Sequence[Moment]) -> BoundTally:
     return BoundTally(1, np.stack([variance[k] for k in at]))
 
 
-def _track(case: Case, draw: Draw, heard: Sequence[Heard], *, with_echoes: bool) -> Tracked:
+def _track(case: TrackCase, draw: Draw, heard: Sequence[Heard], *, with_echoes: bool) -> Tracked:
     """Fly the tracker through all runs of a chunk."""
     means, covariance = fixed_frame(draw.prior)
     return Tracked.joined(
@@ -215,7 +215,7 @@ def _track(case: Case, draw: Draw, heard: Sequence[Heard], *, with_echoes: bool)
 
 
 def _track_run(
-    case: Case, prior: Prior, heard: Sequence[Heard], run: int, *, with_echoes: bool
+    case: TrackCase, prior: Prior, heard: Sequence[Heard], run: int, *, with_echoes: bool
 ) -> Tracked:
     """Fly it through one run."""
     track = FILTERS.track(

@@ -48,7 +48,7 @@ SHARP_M, VAGUE_M = 30.0, 900.0
 """1-sigma of the estimate."""
 
 
-class Flown(NamedTuple):
+class TransitionFlight(NamedTuple):
     """One flight through every transition.
 
     Attributes:
@@ -153,7 +153,7 @@ def mission(companions: int, reference: int, *, level: bool) -> Mission:
     return parse_mission(yaml.safe_dump(raw))
 
 
-def fly_transitions(seed: int) -> Flown:
+def fly_transitions(seed: int) -> TransitionFlight:
     """Fly one seed's transitions, in an order of its own."""
     flight = _Flight(seed)
     flight.form_up()
@@ -343,9 +343,9 @@ class _Flight:
         self.go_on(10.0)
         self.planner.add(row, self.here[row])
 
-    def flown(self) -> Flown:
+    def flown(self) -> TransitionFlight:
         """What came of it."""
-        return Flown(
+        return TransitionFlight(
             self._seed,
             self.companions,
             self.separation_m,

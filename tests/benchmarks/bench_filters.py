@@ -30,8 +30,8 @@ from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.track import Track
 from swarmctl.study import filters
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.engagement import Engagement
-from swarmctl.study.filters import Filter
 from swarmctl.units import Vector
 from tests.benchmarks.contestants import (
     BATCH,
@@ -65,7 +65,7 @@ Live = tuple[MeasurementQueue, Track]
 # --- Ours ------------------------------------------------------------------------------
 
 
-def in_a_batch(name: str, which: Filter, flight: Flight) -> Contestant:
+def in_a_batch(name: str, which: BatchFilter, flight: Flight) -> Contestant:
     """All trials in one call a step."""
     belief = which.start(flight.prior)
 
@@ -77,7 +77,7 @@ def in_a_batch(name: str, which: Filter, flight: Flight) -> Contestant:
     return Contestant(name, BATCH, fly_on, lambda: (belief.x, belief.P))
 
 
-def live(name: str, which: Filter, flight: Flight) -> Contestant:
+def live(name: str, which: BatchFilter, flight: Flight) -> Contestant:
     """A filter without leading axes."""
     beliefs = [which.start(flight.prior._replace(mean=mean)) for mean in flight.prior.mean]
     scans = [[one_of(scan, trial) for scan in flight.scans] for trial in range(SINGLES)]

@@ -11,7 +11,7 @@ import os
 import time
 
 from swarmctl.commands import GoTo
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing, timestamp_at
 from tests.link.test_signing import KEY, Signer

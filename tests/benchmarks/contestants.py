@@ -9,8 +9,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from swarmctl.estimation.model.range_difference import range_differences
+from swarmctl.study.batch_filter import RelativePrior, Scan
 from swarmctl.study.engagement import Engagement, fly, measure, prior_at, relative_state
-from swarmctl.study.filters import Prior, Scan
 from swarmctl.study.starts import table_1_covariance
 from swarmctl.units import Array
 
@@ -38,7 +38,7 @@ class Flight(NamedTuple):
         rd_3d: The same errors on the range differences at HEIGHTS, (epochs, BATCH, N), m.
     """
 
-    prior: Prior
+    prior: RelativePrior
     scans: list[Scan]
     rd_3d: Array
 

@@ -316,4 +316,4 @@ def test_a_recording_is_never_overwritten(short_mission: Short, tmp_path: Path) 
 
 def test_the_version(tmp_path: Path) -> None:
     code, output, _ = swarmctl("--version", cwd=tmp_path)
-    assert (code, output) == (0, "swarmctl 0.1.0\n")
+    assert (code, output) == (0, "swarmctl 0.2.0\n")

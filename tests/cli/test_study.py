@@ -151,7 +151,7 @@ def test_bad_input_is_a_sentence(
         "from swarmctl.study.filters import ncrkf\n"
         "class Broken:\n"
         "    relative = False\n"
-        "    start, track = ncrkf().start, ncrkf().track\n"
+        "    start, estimate = ncrkf().start, ncrkf().estimate\n"
         "    def step(self, belief, scan):\n"
         "        raise ValueError('oh')\n"
         "def register(registry):\n"

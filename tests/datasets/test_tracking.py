@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, norm
 
-from sim.indoor_dataset import COLOUR_M, SIGMA_M, TAU_S, record, write
+from sim.indoor_dataset import COLOUR_M, SIGMA_M, TAU_S, simulate, write
 from swarmctl.datasets.accuracy import TrackHistory, TrackingFigures
 from swarmctl.datasets.reading import (
     Epoch,
@@ -98,7 +98,7 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
     Before that, 6 s have some 6 independent errors, mostly of the height.
     """
     bias_m, blocked = 0.2, 5
-    write(record(1, 9.0, bias_m=bias_m, blocked=(blocked, 6.0, 9.0)), tmp_path)
+    write(simulate(1, 9.0, bias_m=bias_m, blocked=(blocked, 6.0, 9.0)), tmp_path)
     told = Assumptions(colour_m=math.hypot(COLOUR_M, bias_m))
     receivers = read_receivers(tmp_path / "receivers.csv")
     epochs = read_epochs(tmp_path / "measurements.csv", receivers, told.sigma_m)

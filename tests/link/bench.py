@@ -7,7 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 from swarmctl.commands import Command, GoTo
 from swarmctl.events import InputRejected, Observation
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing
 from tests.link.wire import Sender, unpack

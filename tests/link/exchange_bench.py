@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from swarmctl.events import CommandOutcome, Heartbeat, LandedState, Mode
 from swarmctl.link.codec.messages import CommandAck, CommandLong, MavCmd
-from swarmctl.link.command_protocol import Attempt, Exchange, Request, State
+from swarmctl.link.command_protocol import CommandExchange
+from swarmctl.link.command_request import Attempt, Request, State
 
 ASK = CommandLong(MavCmd.REQUEST_MESSAGE, (242.0,))
 ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
@@ -32,7 +33,7 @@ class Bench:
     """An exchange with a clock that moves from timer to timer."""
 
     def __init__(self) -> None:
-        self.exchange = Exchange(3)
+        self.exchange = CommandExchange(3)
         self.now = 100.0
         self.sent: list[tuple[float, Attempt]] = []
         self.outcomes: list[CommandOutcome] = []

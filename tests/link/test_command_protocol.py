@@ -8,7 +8,7 @@ import pytest
 
 from swarmctl.events import CommandOutcome
 from swarmctl.link.codec.messages import CommandLong, DataStream, MavCmd
-from swarmctl.link.command_protocol import Attempt, Request
+from swarmctl.link.command_request import Attempt, Request
 from tests.link.exchange_bench import (
     ARM,
     ASK,

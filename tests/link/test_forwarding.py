@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from swarmctl.link.address import Address
 from swarmctl.link.codec.framing import split
-from swarmctl.link.codec.messages import Address, Frame
+from swarmctl.link.codec.messages import Frame
 from swarmctl.link.forwarding import Forwarder
 from tests.link.wire import Sender
 

@@ -9,7 +9,8 @@ import pytest
 
 from swarmctl.commands import Arm, RequestHome, SetMode, StreamTelemetry, TakeOff
 from swarmctl.events import CommandOutcome, Heartbeat, Mode
-from swarmctl.link.codec.messages import Address, MavCmd
+from swarmctl.link.address import Address
+from swarmctl.link.codec.messages import MavCmd
 from tests.link.bench import AT_1, AT_2, GCS, Bench, Vehicle, goto
 
 # --- Setpoints -------------------------------------------------------------------------

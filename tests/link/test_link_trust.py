@@ -8,9 +8,9 @@ import pytest
 
 from swarmctl.commands import Arm, ReadParameter, RequestHome
 from swarmctl.events import CommandOutcome, Heartbeat, InputRejected, LinkQuality, VehiclePosition
-from swarmctl.link.channels import SILENT_LINK_S
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.signing import Signing, timestamp_at
+from swarmctl.link.silent_endpoints import SILENT_LINK_S
 from tests.link.bench import AT_1, AT_2, ELSEWHERE, GCS, Bench, Vehicle, goto
 from tests.link.test_signing import KEY, Signer, receiver
 from tests.link.wire import Sender

@@ -37,7 +37,7 @@ from swarmctl.events import (
     ParameterValue,
     StatusText,
 )
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.mavsdk_link import MavsdkLink
 from tests.brokers import free_port

@@ -16,14 +16,14 @@ from sim.world import World
 from swarmctl.decisions import Estimate, Notice
 from swarmctl.errors import UsageError
 from swarmctl.events import ReceiverTruth, Record
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.mission.phases import Phase
 from swarmctl.mission.snapshot import Snapshot
 from swarmctl.ops import in_memory
 from swarmctl.ops.in_memory import STEP_S, UTC_START_S, fly_in_memory
-from swarmctl.ops.simulation import sim_config
+from swarmctl.ops.sim_config import sim_config
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from swarmctl.recorder.summary import FlightSummary, read_summary

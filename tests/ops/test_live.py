@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from swarmctl.decisions import Notice
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.ops.live import fly
 from tests.brokers import Embedded, free_port

@@ -7,9 +7,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim.world import World
 from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
 from swarmctl.events import Record
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.mission.mission_file_loading import parse_mission
-from swarmctl.ops.simulation import sim_config
+from swarmctl.ops.sim_config import sim_config
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from tests.missions import short_mission_text

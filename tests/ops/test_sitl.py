@@ -19,11 +19,12 @@ from sim.sitl_receivers import SitlReceivers
 from sim.world import World
 from swarmctl.decisions import Notice
 from swarmctl.errors import SwarmError, UsageError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import open_udp
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.ops.live import fly
-from swarmctl.ops.simulation import serve_receivers_of, sim_config, simulated
+from swarmctl.ops.sim_config import sim_config
+from swarmctl.ops.simulation import serve_receivers_of, simulated
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from tests.brokers import free_port

@@ -10,12 +10,12 @@ from sim.config import VehicleConfig
 from sim.world import World
 from swarmctl.events import EmitterTruth, LinkConnection, ReceiverTruth, Record
 from swarmctl.feed.schema import RangeDifferenceMessage, ReceiverTruthMessage, TruthMessage
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.mission.controller import Controller
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.mission.phases import Phase
-from swarmctl.ops.simulation import sim_config
+from swarmctl.ops.sim_config import sim_config
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from tests.missions import short_mission_text

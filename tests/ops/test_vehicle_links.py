@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from swarmctl.errors import UsageError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.ops.vehicle_links import station_addresses
 
 

@@ -10,7 +10,7 @@ SHIPPED = Path(__file__).parents[1] / "datasets" / "room"
 
 
 def test_the_shipped_recording_is_what_the_generator_makes() -> None:
-    made = indoor_dataset.record(0, 20.0)
+    made = indoor_dataset.simulate(0, 20.0)
     for name, content in made._asdict().items():
         assert (SHIPPED / f"{name}.csv").read_text(encoding="utf-8") == content
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from swarmctl.study.filters import Filter
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.registry import FilterFactory, ProcessNoise, Registry, standard_registry
 
 
 def factory(name: str) -> FilterFactory:
     """The factory of a filter of the standard registry."""
 
-    def make(process_noise: ProcessNoise) -> Filter:
+    def make(process_noise: ProcessNoise) -> BatchFilter:
         return standard_registry().filters(process_noise)[name]
 
     return make

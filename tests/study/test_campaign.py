@@ -14,10 +14,11 @@ from swarmctl.estimation.bounds.pcrb import pcrb
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity, transition
 from swarmctl.estimation.model.range_difference import effective_relative_covariance, jacobian
 from swarmctl.study import campaign as campaign_module
+from swarmctl.study.batch_filter import BatchEstimate, BatchFilter, Belief, RelativePrior, Scan
 from swarmctl.study.campaign import CHUNK, Campaign, FormationResult, run_campaign
 from swarmctl.study.engagement import Engagement, fly, prior_at, relative_state
 from swarmctl.study.executors import executing
-from swarmctl.study.filters import Belief, Filter, Prior, Scan, Track, iterated_ekf
+from swarmctl.study.filters import iterated_ekf
 from swarmctl.study.registry import standard_registry
 from swarmctl.study.starts import (
     CA,
@@ -44,11 +45,11 @@ class Dead:
     relative = False
 
     def __init__(self) -> None:
-        self.priors: list[Prior] = []
+        self.priors: list[RelativePrior] = []
         self.scans: list[Scan] = []
-        self.tracks: list[Track] = []
+        self.tracks: list[BatchEstimate] = []
 
-    def start(self, prior: Prior) -> Belief:
+    def start(self, prior: RelativePrior) -> Belief:
         self.priors.append(prior)
         x = prior.mean[..., CV] + prior.reference
         return Belief(x, np.broadcast_to(prior.covariance[np.ix_(CV, CV)], (*x.shape, 4)))
@@ -58,8 +59,8 @@ class Dead:
         F = transition(scan.dt, 2)
         return Belief(belief.x @ F.T, F @ belief.P @ F.T)
 
-    def track(self, belief: Belief, scan: Scan) -> Track:
-        self.tracks.append(Track(belief.x, belief.P))
+    def estimate(self, belief: Belief, scan: Scan) -> BatchEstimate:
+        self.tracks.append(BatchEstimate(belief.x, belief.P))
         return self.tracks[-1]
 
 
@@ -81,7 +82,7 @@ def assert_same_sums(found: Tally | BoundTally, expected: Tally | BoundTally) ->
         )
 
 
-def tally_of(tracks: list[Track], truth: list[Array]) -> Tally:
+def tally_of(tracks: list[BatchEstimate], truth: list[Array]) -> Tally:
     """One tally of all runs at once, ``truth`` (4,) or (runs, 4) at each epoch."""
     error = np.stack([track.x - at for track, at in zip(tracks, truth, strict=True)])
     P = np.stack([track.P for track in tracks])
@@ -156,7 +157,7 @@ def test_all_runs_of_all_chunks_are_counted_once(monkeypatch: pytest.MonkeyPatch
     epochs = len(SHORT.epochs_s)
     chunks = [dead.tracks[i : i + epochs] for i in range(0, 3 * epochs, epochs)]
     whole = [
-        Track(*(np.concatenate(part) for part in zip(*tracks, strict=True)))
+        BatchEstimate(*(np.concatenate(part) for part in zip(*tracks, strict=True)))
         for tracks in zip(*chunks, strict=True)
     ]
     expected = tally_of(whole, truth_of(SHORT, SHORT.emitter))
@@ -251,16 +252,18 @@ class Relative(Dead):
 
     relative = True
 
-    def track(self, belief: Belief, scan: Scan) -> Track:
+    def estimate(self, belief: Belief, scan: Scan) -> BatchEstimate:
         velocity = np.broadcast_to(scan.velocity, scan.reference.shape)
-        return Track(belief.x - np.concatenate([scan.reference, velocity], axis=-1), belief.P)
+        return BatchEstimate(
+            belief.x - np.concatenate([scan.reference, velocity], axis=-1), belief.P
+        )
 
 
 @pytest.mark.parametrize("start", [DrawnEstimate(), DrawnTruth()], ids=repr)
 def test_a_relative_track_is_judged_by_the_relative_truth(start: Start) -> None:
     """Where positions are measured exactly both tracks have the same errors."""
     exact = replace(SHORT, sigma_p_m=0.0)
-    filters: dict[str, Filter] = {"relative": Relative(), "absolute": Dead()}
+    filters: dict[str, BatchFilter] = {"relative": Relative(), "absolute": Dead()}
     result = run_campaign(Campaign(start, filters, FORMATIONS, 6, 1, (0.1, 0.1), exact))
     for each in result.values():
         for name in ("error", "square", "nees"):
@@ -290,11 +293,11 @@ def test_a_broken_run_is_lost_and_leaves_the_others_alone(wrong: float) -> None:
     """From then on it is no number, though the filter is given a sound belief in its place."""
     sound, breaking = Dead(), Breaking(wrong)
     one = {"uniform": FORMATIONS["uniform"]}
-    filters: dict[str, Filter] = {"breaking": breaking, "sound": sound}
+    filters: dict[str, BatchFilter] = {"breaking": breaking, "sound": sound}
     result = run_campaign(Campaign(DrawnEstimate(), filters, one, 6, 1, engagement=SHORT))[
         "uniform"
     ]
-    tracks = [Track(track.x.copy(), track.P) for track in sound.tracks]
+    tracks = [BatchEstimate(track.x.copy(), track.P) for track in sound.tracks]
     for k, run_lost in ((2, 3), (4, 1)):
         for track in tracks[k:]:
             track.x[run_lost] = np.nan
@@ -319,6 +322,23 @@ class Raising(Dead):
         return super().step(belief, scan)
 
 
+def test_a_slow_filter_flies_the_first_chunk_only() -> None:
+    campaign = Campaign(
+        DrawnEstimate(),
+        {"quick": Dead(), "slow": Dead()},
+        {"uniform": FORMATIONS["uniform"]},
+        CHUNK + 10,
+        1,
+        engagement=SHORT,
+    )
+    every = run_campaign(campaign)["uniform"].tallies
+    found = run_campaign(replace(campaign, slow=frozenset({"slow"})))["uniform"].tallies
+    assert (found["quick"].runs, found["slow"].runs) == (CHUNK + 10, CHUNK)
+    assert_same_sums(found["quick"], every["quick"])
+    first = run_campaign(replace(campaign, runs=CHUNK))["uniform"].tallies
+    assert_same_sums(found["slow"], first["slow"])
+
+
 @pytest.mark.parametrize(
     "error",
     [
@@ -328,7 +348,7 @@ class Raising(Dead):
     ],
 )
 def test_a_filter_that_fails_is_named(error: Exception) -> None:
-    filters: dict[str, Filter] = {"sound": Dead(), "mine": Raising(error)}
+    filters: dict[str, BatchFilter] = {"sound": Dead(), "mine": Raising(error)}
     campaign = Campaign(DrawnEstimate(), filters, FORMATIONS, 2, 1, engagement=SHORT)
     with pytest.raises(EstimationError, match=r"mine failed at epoch 2: P is no covariance\."):
         run_campaign(campaign)
@@ -342,7 +362,7 @@ class Guarding(Dead):
 
 
 def test_the_guard_s_firings_are_counted_per_epoch() -> None:
-    filters: dict[str, Filter] = {"guarding": Guarding(), "plain": Dead()}
+    filters: dict[str, BatchFilter] = {"guarding": Guarding(), "plain": Dead()}
     result = run_campaign(Campaign(DrawnEstimate(), filters, FORMATIONS, 7, 1, engagement=SHORT))
     assert result["uniform"].tallies["guarding"].guarded.tolist() == [4.0] * 6
     assert result["uniform"].tallies["plain"].guarded.tolist() == [0.0] * 6

@@ -15,13 +15,20 @@ import pytest
 from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.study import consistency
+from swarmctl.study.batch_filter import BatchFilter
 from swarmctl.study.campaign import FormationResult, run_campaign
-from swarmctl.study.consistency import CASES, Case, Instant, Row, Target, run_consistency
+from swarmctl.study.consistency import (
+    CASES,
+    FilterCase,
+    FilterInstant,
+    FilterRow,
+    FilterTolerance,
+    run_consistency,
+)
 from swarmctl.study.engagement import Engagement
-from swarmctl.study.filters import Filter
 from swarmctl.study.registry import JUDGED, Registry
 from swarmctl.study.starts import DrawnEstimate
-from swarmctl.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Figure, Tally
+from swarmctl.study.tally import LOST_ERROR_M, NORMAL_95, BoundTally, Interval, Tally
 from tests.study.registries import factory, registry_of
 
 RUNS = 200
@@ -37,7 +44,7 @@ COMPARED = ("literal", "range-ignorant")
 class Flown(NamedTuple):
     """One case."""
 
-    rows: dict[str, Row]
+    rows: dict[str, FilterRow]
     result: FormationResult
 
 
@@ -136,7 +143,7 @@ def test_every_case_is_flown_with_every_filter_and_its_own_noise(
     """In the paper's formation, with equal receivers; progress is told over all cases."""
     told: list[tuple[float, float]] = []
 
-    def make(noise: tuple[float, float]) -> Filter:
+    def make(noise: tuple[float, float]) -> BatchFilter:
         told.append(noise)
         return factory("iterated EKF")(noise)
 
@@ -182,7 +189,7 @@ def test_a_study_of_one_run_is_refused() -> None:
 
 # --- Targets ---------------------------------------------------------------------------
 
-TARGET = Target(1.1, (1.5, 2.4))
+TOLERANCE = FilterTolerance(1.1, (1.5, 2.4))
 
 
 def fabricated(error_m: float, sigma_m: float, lost: int = 0) -> FormationResult:
@@ -200,8 +207,10 @@ def fabricated(error_m: float, sigma_m: float, lost: int = 0) -> FormationResult
     return FormationResult({JUDGED: tally, EKF: tally}, bound, bound)
 
 
-def shortfalls(result: FormationResult, target: Target | None = TARGET) -> tuple[str, ...] | None:
-    case = Case("fabricated", DrawnEstimate(), (0.0, 0.0), target)
+def shortfalls(
+    result: FormationResult, tolerance: FilterTolerance | None = TOLERANCE
+) -> tuple[str, ...] | None:
+    case = FilterCase("fabricated", DrawnEstimate(), (0.0, 0.0), tolerance)
     return consistency._row("literal", case, JUDGED, result).shortfalls
 
 
@@ -240,22 +249,22 @@ def test_a_lost_track_is_a_shortfall_with_or_without_a_target() -> None:
 def test_a_target_is_met_when_the_interval_reaches_it() -> None:
     """And not by the mean alone: either end, of either figure."""
 
-    def instant(ratio: Figure, nees: Figure) -> list[Instant]:
-        return [Instant(1.0, 1.0, 1.0, 1.0, ratio, ratio, nees, 0.95)]
+    def instant(ratio: Interval, nees: Interval) -> list[FilterInstant]:
+        return [FilterInstant(1.0, 1.0, 1.0, 1.0, ratio, ratio, nees, 0.95)]
 
-    right = Figure(2.0, 1.9, 2.1)
+    right = Interval(2.0, 1.9, 2.1)
     for ratio, nees, missed in (
-        (Figure(1.2, 1.09, 1.3), right, 0),
-        (Figure(1.2, 1.11, 1.3), right, 1),
-        (Figure(0.2, 0.1, 0.3), right, 0),  # below the bound is no fault of the filter
-        (Figure(1.0, 0.9, 1.1), Figure(2.6, 2.39, 2.8), 0),
-        (Figure(1.0, 0.9, 1.1), Figure(2.6, 2.41, 2.8), 1),
-        (Figure(1.0, 0.9, 1.1), Figure(1.3, 1.1, 1.51), 0),
-        (Figure(1.0, 0.9, 1.1), Figure(1.3, 1.1, 1.49), 1),
+        (Interval(1.2, 1.09, 1.3), right, 0),
+        (Interval(1.2, 1.11, 1.3), right, 1),
+        (Interval(0.2, 0.1, 0.3), right, 0),  # below the bound is no fault of the filter
+        (Interval(1.0, 0.9, 1.1), Interval(2.6, 2.39, 2.8), 0),
+        (Interval(1.0, 0.9, 1.1), Interval(2.6, 2.41, 2.8), 1),
+        (Interval(1.0, 0.9, 1.1), Interval(1.3, 1.1, 1.51), 0),
+        (Interval(1.0, 0.9, 1.1), Interval(1.3, 1.1, 1.49), 1),
     ):
-        assert len(consistency._shortfalls(TARGET, instant(ratio, nees), 0)) == missed
+        assert len(consistency._shortfalls(TOLERANCE, instant(ratio, nees), 0)) == missed
 
 
 def test_only_the_judged_filter_has_targets() -> None:
-    case = Case("fabricated", DrawnEstimate(), (0.0, 0.0), TARGET)
+    case = FilterCase("fabricated", DrawnEstimate(), (0.0, 0.0), TOLERANCE)
     assert consistency._row("literal", case, EKF, fabricated(9.0, 1.0)).shortfalls is None

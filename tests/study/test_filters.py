@@ -23,26 +23,24 @@ from swarmctl.estimation.model.range_difference import (
     rd_covariance,
 )
 from swarmctl.study import paper_filters
-from swarmctl.study.filters import (
+from swarmctl.study.batch_filter import (
+    BatchEstimate,
+    BatchFilter,
     Belief,
-    Filter,
-    Prior,
+    RelativePrior,
     Scan,
-    State,
-    Track,
     Truth,
-    ekf,
-    iterated_ekf,
-    ncrkf,
-    okf,
 )
+from swarmctl.study.filter_coordinates import CoordinatesName
+from swarmctl.study.filterpy_filter import filterpy_ekf
+from swarmctl.study.filters import ekf, iterated_ekf, ncrkf, okf
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
-STATES: tuple[State, ...] = ("absolute", "relative", "accelerated")
+STATES: tuple[CoordinatesName, ...] = ("absolute", "relative", "accelerated")
 
 
-def all_filters(d: int) -> dict[str, Filter]:
+def all_filters(d: int) -> dict[str, BatchFilter]:
     """Every filter, for d axes."""
     noise = (0.04,) * d
     return {
@@ -50,6 +48,7 @@ def all_filters(d: int) -> dict[str, Filter]:
         "okf": okf(),
         "ekf": ekf(),
         "once linearised": iterated_ekf(1, process_noise=noise),
+        "filterpy": filterpy_ekf(noise),
         **{f"ncrkf, {s}": ncrkf(state=s, process_noise=noise) for s in STATES},
         **{f"iterated ekf, {s}": iterated_ekf(state=s, process_noise=noise) for s in STATES},
     }
@@ -61,7 +60,7 @@ NAMES = list(all_filters(2))
 class Flight(NamedTuple):
     """A prior and a few scans."""
 
-    prior: Prior
+    prior: RelativePrior
     scans: list[Scan]
 
 
@@ -88,7 +87,7 @@ def some_flight(seed: int, d: int, n: int, *batch: int) -> Flight:
     mean = np.zeros(size)
     mean[:d], mean[d], mean[d + 1 : 2 * d + 1] = e - p_0, np.linalg.norm(e - p_0), -own
     mean = mean + rng.standard_normal((*batch, size)) @ root.T
-    prior = Prior(mean, root @ root.T, np.concatenate([p_0, own]))
+    prior = RelativePrior(mean, root @ root.T, np.concatenate([p_0, own]))
     Cr = rd_covariance(rng.uniform(0.5, 1.5, n), 0.5)
     offsets = 400.0 * (np.array(DIRECTIONS)[:n, :d] + 0.1 * rng.standard_normal((n, d)))
     scans = []
@@ -123,22 +122,24 @@ def scan_of(
     )
 
 
-def run(tracker: Filter, flight: Flight) -> list[Track]:
+def run(tracker: BatchFilter, flight: Flight) -> list[BatchEstimate]:
     """The answers after each scan."""
     belief, tracks = tracker.start(flight.prior), []
     for scan in flight.scans:
         belief = tracker.step(belief, scan)
-        tracks.append(tracker.track(belief, scan))
+        tracks.append(tracker.estimate(belief, scan))
     return tracks
 
 
-def assert_same(found: Track, expected: Track, sigma: Array, tolerance: float) -> None:
+def assert_same(
+    found: BatchEstimate, expected: BatchEstimate, sigma: Array, tolerance: float
+) -> None:
     """Alike to ``tolerance`` on the scale of ``sigma``."""
     assert np.abs((found.x - expected.x) / sigma).max() < tolerance
     assert np.abs((found.P - expected.P) / np.outer(sigma, sigma)).max() < tolerance
 
 
-def prior_sigma(prior: Prior) -> Array:
+def prior_sigma(prior: RelativePrior) -> Array:
     """Of position and velocity, one per kind."""
     d = prior.reference.shape[-1] // 2
     return np.repeat(np.sqrt(np.diag(prior.covariance)[[0, d + 1]]), d)
@@ -151,11 +152,13 @@ def test_each_state_takes_its_own_of_the_prior_and_gives_it_back() -> None:
     """Before any scan, the answer is the prior: absolute, or relative to the reference UAV."""
     rng = np.random.default_rng(1)
     root = rng.standard_normal((9, 9))
-    prior = Prior(rng.normal(0.0, 100.0, (4, 9)), root @ root.T, np.array([7.0, -8.0, 0.5, 2.0]))
+    prior = RelativePrior(
+        rng.normal(0.0, 100.0, (4, 9)), root @ root.T, np.array([7.0, -8.0, 0.5, 2.0])
+    )
     p, v, a = prior.mean[:, 0:2], prior.mean[:, 3:5], prior.mean[:, 6:8]
     p_0, v_0 = prior.reference[:2], prior.reference[2:]
     kept = prior.mean.copy()
-    expected: list[tuple[Filter, bool, list[Array]]] = [
+    expected: list[tuple[BatchFilter, bool, list[Array]]] = [
         (ncrkf(), False, [p + p_0, v + v_0]),
         (iterated_ekf(), False, [p + p_0, v + v_0]),
         (ncrkf(state="relative"), True, [p, v + v_0]),
@@ -173,7 +176,7 @@ def test_each_state_takes_its_own_of_the_prior_and_gives_it_back() -> None:
         np.testing.assert_array_equal(belief.P[3], prior.covariance[np.ix_(picked, picked)])
 
         assert tracker.relative is relative
-        track = tracker.track(belief, scan)
+        track = tracker.estimate(belief, scan)
         answer = [p, v] if relative else [p + p_0, v + v_0]
         np.testing.assert_allclose(track.x, np.concatenate(answer, axis=-1), rtol=1e-12)
         np.testing.assert_array_equal(
@@ -220,6 +223,11 @@ def iterated(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
     return ekf_kernel.update(x, P, scan.reference, scan.companions, scan.rd, C, 4)
 
 
+def once_linearised(x: Array, P: Array, scan: Scan) -> tuple[Array, Array]:
+    C = effective_covariance(scan.rd_covariance, scan.sigma_p)
+    return ekf_kernel.update(x, P, scan.reference, scan.companions, scan.rd, C)
+
+
 VELOCITY, ACCELERATION = ConstantVelocity((0.04, 0.09)), ConstantAcceleration((0.04, 0.09))
 JUMP = 0.1**2
 
@@ -234,10 +242,11 @@ JUMP = 0.1**2
         (ncrkf(process_noise=(0.04, 0.09), state="relative"), VELOCITY, True, relative),
         (ncrkf(process_noise=(0.04, 0.09), state="accelerated"), ACCELERATION, False, relative),
         (iterated_ekf(4, process_noise=(0.04, 0.09)), VELOCITY, False, iterated),
+        (filterpy_ekf((0.04, 0.09)), VELOCITY, False, once_linearised),
     ],
 )
 def test_a_step_is_the_model_s_prediction_and_the_update(
-    tracker: Filter,
+    tracker: BatchFilter,
     model: ConstantVelocity | ConstantAcceleration,
     own_motion: bool,
     update: Callable[[Array, Array, Scan], tuple[Array, Array]],
@@ -255,7 +264,7 @@ def test_a_step_is_the_model_s_prediction_and_the_update(
         x, P = update(x, P, scan)
         belief = tracker.step(belief, scan)
         sigma = np.sqrt(np.diag(P))
-        assert_same(Track(belief.x, belief.P), Track(x, P), sigma, 1e-9)
+        assert_same(BatchEstimate(belief.x, belief.P), BatchEstimate(x, P), sigma, 1e-9)
 
 
 def test_the_guard_s_firing_is_told() -> None:
@@ -267,7 +276,7 @@ def test_the_guard_s_firing_is_told() -> None:
     scan = Scan(0.0, np.zeros(2), np.zeros(2), m, rd, Cr, 0.5, Truth(m, rd))
     mean = np.array([5000.0, *[0.0] * 8])
     for spread, fires in ((8000.0, True), (500.0, False)):
-        prior = Prior(mean, np.diag([spread**2] * 3 + [1.0] * 6), np.zeros(4))
+        prior = RelativePrior(mean, np.diag([spread**2] * 3 + [1.0] * 6), np.zeros(4))
         for state in STATES:
             tracker = ncrkf(state=state)
             assert tracker.step(tracker.start(prior), scan).guarded == fires
@@ -286,7 +295,7 @@ def test_a_batch_is_a_loop(name: str) -> None:
         ]
         one = run(tracker, Flight(flight.prior._replace(mean=flight.prior.mean[i]), scans))
         for of_batch, expected in zip(batch, one, strict=True):
-            assert_same(Track(of_batch.x[i], of_batch.P[i]), expected, sigma, 1e-9)
+            assert_same(BatchEstimate(of_batch.x[i], of_batch.P[i]), expected, sigma, 1e-9)
 
 
 # --- What must not matter --------------------------------------------------------------
@@ -301,7 +310,9 @@ def turned(flight: Flight, turn: Array, shift: Array) -> Flight:
     T = np.kron(np.eye(3), with_range)
     mean, covariance, reference = flight.prior
     p_0, v_0 = reference[:d], reference[d:]
-    prior = Prior(T @ mean, T @ covariance @ T.T, np.concatenate([turn @ p_0 + shift, turn @ v_0]))
+    prior = RelativePrior(
+        T @ mean, T @ covariance @ T.T, np.concatenate([turn @ p_0 + shift, turn @ v_0])
+    )
     scans = [
         s._replace(
             reference=turn @ s.reference + shift,
@@ -332,7 +343,7 @@ def test_where_north_is_and_the_origin_do_not_matter(seed: int, d: int, n: int) 
         if not tracker.relative:
             offset[:d] = shift
         for a, b in zip(run(tracker, here), run(tracker, there), strict=True):
-            back = Track(both.T @ (b.x - offset), both.T @ b.P @ both)
+            back = BatchEstimate(both.T @ (b.x - offset), both.T @ b.P @ both)
             assert_same(back, a, sigma, tolerance)
 
 
@@ -373,10 +384,12 @@ def table_1_flight(seed: int, runs: int, sigma_p: float) -> Flight:
     for k in range(100):
         e, p_0, p = truth.emitter[k, :2], truth.reference[k], truth.companions[k]
         scans.append(scan_of(rng, 0.02 if k else 0.0, e, p_0, own[k], p, Cr, sigma_p, runs))
-    return Flight(Prior(mean, covariance, np.concatenate([truth.reference[0], own[0]])), scans)
+    return Flight(
+        RelativePrior(mean, covariance, np.concatenate([truth.reference[0], own[0]])), scans
+    )
 
 
-def on_the_map(track: Track, reference: Array, own: Array) -> Array:
+def on_the_map(track: BatchEstimate, reference: Array, own: Array) -> Array:
     """A relative answer, made absolute by where the reference UAV truly is."""
     x = track.x.copy()
     x[..., :2] += reference
@@ -392,19 +405,19 @@ BOTH_WAYS = [
 
 @pytest.mark.parametrize(("absolute", "relative"), BOTH_WAYS)
 def test_absolute_and_relative_are_one_filter_where_positions_are_exact(
-    absolute: Filter, relative: Filter
+    absolute: BatchFilter, relative: BatchFilter
 ) -> None:
     flight = table_1_flight(5, 4, 0.0)
     for scan, a, b in zip(flight.scans, run(absolute, flight), run(relative, flight), strict=True):
         x = on_the_map(b, scan.reference, scan.velocity)
         for i in range(4):
             sigma = np.sqrt(np.diag(a.P[i]))
-            assert_same(Track(x[i], b.P[i]), Track(a.x[i], a.P[i]), sigma, 1e-9)
+            assert_same(BatchEstimate(x[i], b.P[i]), BatchEstimate(a.x[i], a.P[i]), sigma, 1e-9)
 
 
 @pytest.mark.parametrize(("absolute", "relative"), BOTH_WAYS)
 def test_absolute_and_relative_agree_far_within_their_sigma(
-    absolute: Filter, relative: Filter
+    absolute: BatchFilter, relative: BatchFilter
 ) -> None:
     """The RDs computed by the two differ by J dp_0, J the Jacobian: little beside the noise.
 
@@ -432,7 +445,7 @@ class Dead:
 
     relative = False
 
-    def start(self, prior: Prior) -> Belief:
+    def start(self, prior: RelativePrior) -> Belief:
         d = prior.reference.shape[-1] // 2
         p, v = prior.mean[..., :d], prior.mean[..., d + 1 : 2 * d + 1]
         x = np.concatenate([p, v], axis=-1) + prior.reference
@@ -442,14 +455,14 @@ class Dead:
         F, _ = ConstantVelocity((0.0,) * scan.reference.shape[-1]).step(scan.dt)
         return Belief(belief.x @ F.T, F @ belief.P @ F.T)
 
-    def track(self, belief: Belief, scan: Scan) -> Track:
-        return Track(belief.x, belief.P)
+    def estimate(self, belief: Belief, scan: Scan) -> BatchEstimate:
+        return BatchEstimate(belief.x, belief.P)
 
 
 def test_a_filter_of_one_s_own_inherits_nothing() -> None:
-    """That it is a Filter, mypy says."""
+    """That it is a BatchFilter, mypy says."""
     flight = some_flight(7, 3, 4, 5)
-    own: Filter = Dead()
+    own: BatchFilter = Dead()
     x = run(own, flight)[-1].x
     start = own.start(flight.prior).x
     np.testing.assert_allclose(x[:, :3], start[:, :3] + 1.0 * start[:, 3:], rtol=1e-12)

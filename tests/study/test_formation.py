@@ -10,12 +10,14 @@ import pytest
 from swarmctl.errors import MissionFileError, UsageError
 from swarmctl.mission.mission_file_loading import parse_mission
 from swarmctl.study import formation
-from swarmctl.study.formation import Flight, fly_mission, mission_text, run_formation
+from swarmctl.study.formation import MissionOutcome, fly_mission, mission_text, run_formation
 
 
 def made_up(monkeypatch: pytest.MonkeyPatch, times: dict[str, list[float]]) -> list[formation.Cell]:
     """What the study makes of given times to converge; every error is 3 m."""
-    monkeypatch.setattr(formation, "fly_mission", lambda work: Flight(times[work[0]][work[2]], 3.0))
+    monkeypatch.setattr(
+        formation, "fly_mission", lambda work: MissionOutcome(times[work[0]][work[2]], 3.0)
+    )
     runs = len(next(iter(times.values())))
     # The names must be ones a mission file knows.
     return run_formation(runs=runs, designs=tuple(times), companions=(3,))

@@ -12,7 +12,7 @@ from scipy import stats
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.study.engagement import Engagement, Moment, fly
-from swarmctl.study.receivers import ECHO_M, Heard, Receivers, Reception, scan_of
+from swarmctl.study.receivers import ECHO_M, Heard, Reception, SimulatedReceivers, scan_of
 from swarmctl.units import Array
 
 RUNS = 4000
@@ -26,7 +26,7 @@ def moments() -> Iterator[Moment]:
     return fly(SCENE, FORMATION, SCENE.emitter)
 
 
-def flown(receivers: Receivers, companions: int | None = None) -> list[Heard]:
+def flown(receivers: SimulatedReceivers, companions: int | None = None) -> list[Heard]:
     rngs = (np.random.default_rng(seed) for seed in (1, 2))
     reception = Reception(receivers, RUNS, len(FORMATION), *rngs)
     return [reception.hear(k * 0.5, moment, companions) for k, moment in enumerate(moments())]
@@ -55,11 +55,11 @@ ALONE = np.eye(3) + 1.0
 @pytest.mark.parametrize(
     ("receivers", "at_0", "at_5_s", "lasting"),
     [
-        (Receivers(arrival_m=2.0, position_m=0.0), 4.0, 4.0, 0.0),
-        (Receivers(0.0, 0.0, ReceiverErrors(bias_m=9.0)), 81.0, 81.0, 81.0),
-        (Receivers(0.0, 0.0, ReceiverErrors(9.0, 3.0)), 81.0, 81.0 + 225.0, 81.0),
+        (SimulatedReceivers(arrival_m=2.0, position_m=0.0), 4.0, 4.0, 0.0),
+        (SimulatedReceivers(0.0, 0.0, ReceiverErrors(bias_m=9.0)), 81.0, 81.0, 81.0),
+        (SimulatedReceivers(0.0, 0.0, ReceiverErrors(9.0, 3.0)), 81.0, 81.0 + 225.0, 81.0),
         (
-            Receivers(0.0, 0.0, ReceiverErrors(colour_m=2.0, colour_tau_s=4.0)),
+            SimulatedReceivers(0.0, 0.0, ReceiverErrors(colour_m=2.0, colour_tau_s=4.0)),
             4.0,
             4.0,
             4.0 * math.exp(-5.0 / 4.0),
@@ -68,7 +68,7 @@ ALONE = np.eye(3) + 1.0
     ids=["white", "bias", "drift", "colour"],
 )
 def test_arrivals_err_as_the_model_says(
-    receivers: Receivers, at_0: float, at_5_s: float, lasting: float
+    receivers: SimulatedReceivers, at_0: float, at_5_s: float, lasting: float
 ) -> None:
     """Variance at the start and 5 s later, and the covariance of the two."""
     heard = flown(receivers)
@@ -82,7 +82,7 @@ def test_arrivals_err_as_the_model_says(
 
 def test_reported_positions_err_as_the_model_says() -> None:
     """White and wandering errors of every UAV and axis by itself; the RDs do not follow."""
-    receivers = Receivers(0.0, 1.0, ReceiverErrors(navigation_m=3.0, navigation_tau_s=6.0))
+    receivers = SimulatedReceivers(0.0, 1.0, ReceiverErrors(navigation_m=3.0, navigation_tau_s=6.0))
     heard = flown(receivers)
     first, last = (off(heard[k])[1].reshape(RUNS, 8) for k in (0, -1))
     lasting = 9.0 * math.exp(-5.0 / 6.0)
@@ -93,11 +93,11 @@ def test_reported_positions_err_as_the_model_says() -> None:
 
 def test_white_covariance_is_that_of_the_rds_at_reported_positions() -> None:
     expected = effective_covariance(rd_covariance(np.full(3, 0.5), 0.5), 0.5)
-    np.testing.assert_allclose(Receivers().white_covariance(3), expected, rtol=1e-12)
+    np.testing.assert_allclose(SimulatedReceivers().white_covariance(3), expected, rtol=1e-12)
 
 
 def test_echoes_come_on_top_of_the_same_noise() -> None:
-    with_echoes, without = flown(Receivers(echoes=0.1)), flown(Receivers())
+    with_echoes, without = flown(SimulatedReceivers(echoes=0.1)), flown(SimulatedReceivers())
     added = np.stack([heard.echo for heard in with_echoes])
     for one, other in zip(with_echoes, without, strict=True):
         np.testing.assert_array_equal(one.rd, other.rd)
@@ -112,7 +112,7 @@ def test_echoes_come_on_top_of_the_same_noise() -> None:
 
 def test_a_filter_that_knows_white_noise_only_is_told_the_whole_sigma() -> None:
     """Of what its own measurements err by at the start, echoes apart."""
-    real = Receivers(0.3, 0.4, ReceiverErrors(9.0, 0.3, 1.5, 60.0, 2.0, 0.5), echoes=0.1)
+    real = SimulatedReceivers(0.3, 0.4, ReceiverErrors(9.0, 0.3, 1.5, 60.0, 2.0, 0.5), echoes=0.1)
     heard = flown(real)[0]
     scan = scan_of(heard, real)
     np.testing.assert_array_equal(scan.rd, heard.rd + heard.echo)
@@ -125,9 +125,9 @@ def test_a_filter_that_knows_white_noise_only_is_told_the_whole_sigma() -> None:
 
 
 def test_of_a_silence_a_filter_hears_what_tells_nothing() -> None:
-    some = scan_of(flown(Receivers(), 2)[1], Receivers())
+    some = scan_of(flown(SimulatedReceivers(), 2)[1], SimulatedReceivers())
     assert (some.rd.shape, some.companions.shape) == ((RUNS, 2), (RUNS, 2, 2))
     assert some.truth.baselines.shape == (2, 2)
-    none = scan_of(flown(Receivers(), 0)[1], Receivers())
+    none = scan_of(flown(SimulatedReceivers(), 0)[1], SimulatedReceivers())
     assert none.dt == 0.5
     assert np.diag(none.rd_covariance).min() > 1e12

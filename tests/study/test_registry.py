@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import UsageError
-from swarmctl.study.filters import Filter, iterated_ekf
+from swarmctl.study.batch_filter import BatchFilter
+from swarmctl.study.filters import iterated_ekf
 from swarmctl.study.registry import JUDGED, standard_registry
 
 MY_FILTER = """
@@ -55,7 +56,7 @@ def test_a_filter_is_made_for_the_case_s_process_noise() -> None:
     """The judged one is among them; one of one's own comes last."""
     told: list[tuple[float, float]] = []
 
-    def make(process_noise: tuple[float, float]) -> Filter:
+    def make(process_noise: tuple[float, float]) -> BatchFilter:
         told.append(process_noise)
         return own
 

@@ -1,6 +1,6 @@
 """The live tracker's study: what it is held to, on fewer runs, and what becomes of the runs.
 
-Bounds of the measured cases are the study's targets, widened by what the mean of so many
+Bounds of the measured cases are the study's tolerances, widened by what the mean of so many
 chi-squared numbers may differ from its expectation, two-sided at 99.9 %: with two degrees of
 freedom a run for the NEES, with one for the squared error (as if all of it lay on one axis).
 Cases of 50 Hz are flown at 10 Hz, for time; the bound they are compared with is, too.
@@ -22,10 +22,10 @@ from swarmctl.study import track_cases, track_consistency
 from swarmctl.study.engagement import Engagement, Turn, fly
 from swarmctl.study.executors import executing
 from swarmctl.study.registry import PERPENDICULAR, Registry, standard_registry
-from swarmctl.study.tally import BoundTally, Figure
-from swarmctl.study.track_cases import CASES, Case, Target
-from swarmctl.study.track_consistency import Instant, Measure, Row, run_track_consistency
-from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, Flown, Tracked, fly_chunk
+from swarmctl.study.tally import BoundTally, Interval
+from swarmctl.study.track_cases import CASES, TrackCase, TrackTolerance
+from swarmctl.study.track_consistency import Measure, TrackInstant, TrackRow, run_track_consistency
+from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, ChunkResult, Tracked, fly_chunk
 
 RUNS = 12
 PROBABILITY = 0.999
@@ -42,7 +42,7 @@ MEASURED = (
 )
 
 
-def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> Row:
+def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> TrackRow:
     """The tracker's row of a case at 10 Hz."""
     monkeypatch.setattr(track_consistency, "CASES", {name: replace(CASES[name], period_s=0.1)})
     return run_track_consistency(Registry(), runs=RUNS, seed=1, cases=(name,))[0]
@@ -58,12 +58,12 @@ def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.Monk
     worst_square = mean_bounds(1, RUNS, PROBABILITY)[1]
     least_form, greatest_form = (bound / 2.0 for bound in mean_bounds(2, RUNS, PROBABILITY))
     at = {instant.time_s: instant for instant in row.instants}
-    for target in case.targets:
-        for instant in (at[time_s] for time_s in target.times_s):
-            if target.ratio is not None:
-                assert instant.ratio.value**2 < target.ratio**2 * worst_square, instant
-            if target.nees is not None:
-                low, high = target.nees
+    for tolerance in case.tolerances:
+        for instant in (at[time_s] for time_s in tolerance.times_s):
+            if tolerance.ratio is not None:
+                assert instant.ratio.value**2 < tolerance.ratio**2 * worst_square, instant
+            if tolerance.nees is not None:
+                low, high = tolerance.nees
                 assert low * least_form < instant.nees.value < high * greatest_form, instant
     held = [measure for measure in row.measures if measure.greatest is not None]
     for measure in held:
@@ -201,7 +201,7 @@ def test_wrong_arguments_are_named() -> None:
 # --- Targets -------------------------------------------------------------------------------
 
 
-def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0) -> Row:
+def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0) -> TrackRow:
     """Runs that err by ``error_m`` RMS per axis and claim 1 m, as does the bound.
 
     The errors are +-, so all figures have intervals without width.
@@ -224,12 +224,12 @@ def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0
             np.zeros(runs),
         )
 
-    case = Case(
+    case = TrackCase(
         "fabricated",
         CASES["clocks"].start,
         track_cases.WHITE,
         0.1,
-        (Target((12.0,), 1.1, (1.5, 2.4)),),
+        (TrackTolerance((12.0,), 1.1, (1.5, 2.4)),),
         times_s=(4.0, 12.0),
         echo_ratio=None if echoes_m is None else 1.3,
         sides=silent > 0,
@@ -238,7 +238,7 @@ def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0
     if echoes_m is not None:
         flown[WITHOUT_ECHOES] = tracked(error_m)
     bound = BoundTally(1, np.ones((times, 4)))
-    return track_consistency._rows("made", case, [Flown(flown, {}, bound)])[0]
+    return track_consistency._rows("made", case, [ChunkResult(flown, {}, bound)])[0]
 
 
 def test_what_is_met_is_no_shortfall() -> None:
@@ -278,14 +278,28 @@ def test_who_is_silently_on_the_wrong_side_is_counted_once() -> None:
 
 
 def test_a_target_is_met_when_the_interval_reaches_it() -> None:
-    case = replace(CASES["clocks"], targets=(Target((12.0,), 1.1, (1.5, 2.4)),))
+    case = replace(CASES["clocks"], tolerances=(TrackTolerance((12.0,), 1.1, (1.5, 2.4)),))
 
-    def missed(ratio: Figure, nees: Figure, measure: Figure) -> int:
-        instant = Instant(12.0, 1.0, 1.0, ratio, nees, 0.95)
+    def missed(ratio: Interval, nees: Interval, measure: Interval) -> int:
+        instant = TrackInstant(12.0, 1.0, 1.0, ratio, nees, 0.95)
         return len(track_consistency._shortfalls(case, [instant], 0, [Measure("it", measure, 1.3)]))
 
-    right, two = Figure(1.0, 0.9, 1.1), Figure(2.0, 1.9, 2.1)
+    right, two = Interval(1.0, 0.9, 1.1), Interval(2.0, 1.9, 2.1)
     assert missed(right, two, right) == 0
-    assert missed(Figure(1.2, 1.09, 1.3), Figure(2.6, 2.39, 2.8), Figure(1.4, 1.29, 1.5)) == 0
-    assert missed(Figure(1.2, 1.11, 1.3), Figure(2.6, 2.41, 2.8), Figure(1.4, 1.31, 1.5)) == 3
-    assert missed(Figure(0.2, 0.1, 0.3), Figure(1.3, 1.1, 1.49), right) == 1
+    assert (
+        missed(
+            Interval(1.2, 1.09, 1.3),
+            Interval(2.6, 2.39, 2.8),
+            Interval(1.4, 1.29, 1.5),
+        )
+        == 0
+    )
+    assert (
+        missed(
+            Interval(1.2, 1.11, 1.3),
+            Interval(2.6, 2.41, 2.8),
+            Interval(1.4, 1.31, 1.5),
+        )
+        == 3
+    )
+    assert missed(Interval(0.2, 0.1, 0.3), Interval(1.3, 1.1, 1.49), right) == 1

@@ -11,7 +11,7 @@ from scipy import stats
 from swarmctl.errors import UsageError
 from swarmctl.study import track_health
 from swarmctl.study.engagement import Engagement, fly
-from swarmctl.study.receivers import Receivers
+from swarmctl.study.receivers import SimulatedReceivers
 from swarmctl.study.registry import PERPENDICULAR
 from swarmctl.study.track_health import FAULTS, FROM_S, GOOD, WITHIN_S, run_track_health
 from swarmctl.units import Array
@@ -77,7 +77,7 @@ def test_a_fault_is_what_it_is_called(fault: str, by_2_s: list[float]) -> None:
 @pytest.mark.parametrize(
     ("fault", "sigma_m", "keep"),
     [
-        ("noise doubled", math.sqrt(3.0 * Receivers().white_covariance(1)[0, 0]), 0.0),
+        ("noise doubled", math.sqrt(3.0 * SimulatedReceivers().white_covariance(1)[0, 0]), 0.0),
         ("errors of 2 m for 0.5 s", 2.0, math.exp(-0.2)),
     ],
 )

@@ -17,11 +17,11 @@ from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.rows import Rows
 from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.study import track_runs
-from swarmctl.study.track_cases import CASES, Case, Gap
+from swarmctl.study.track_cases import CASES, Gap, TrackCase
 from swarmctl.study.track_runs import JUDGED, Chunk, Tracked, fly_chunk
 
 CASE = replace(
-    CASES["clocks"], period_s=0.1, times_s=(0.2, 0.4, 12.0), gap=Gap(0.25, 0.55, 0), targets=()
+    CASES["clocks"], period_s=0.1, times_s=(0.2, 0.4, 12.0), gap=Gap(0.25, 0.55, 0), tolerances=()
 )
 EMITTER = np.array([0.0, 0.0, -14.142136, 14.142136])
 """Table 1's, at the start."""
@@ -82,7 +82,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> type[Scripted]:
     return Mine
 
 
-def flown(case: Case = CASE) -> Tracked:
+def flown(case: TrackCase = CASE) -> Tracked:
     return fly_chunk(Chunk(case, {}, 0, 0, 2)).tracked[JUDGED]
 
 

@@ -8,7 +8,12 @@ import pytest
 
 from swarmctl.errors import UsageError
 from swarmctl.study import transitions
-from swarmctl.study.transitions import PER_FLIGHT, Flown, fly_transitions, run_transitions
+from swarmctl.study.transitions import (
+    PER_FLIGHT,
+    TransitionFlight,
+    fly_transitions,
+    run_transitions,
+)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -26,7 +31,7 @@ def test_the_worst_of_all_flights_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(
         transitions,
         "fly_transitions",
-        lambda seed: Flown(seed, 4, 9.0 - 0.1 * seed, 280.0 + seed, seed % 2, 1),
+        lambda seed: TransitionFlight(seed, 4, 9.0 - 0.1 * seed, 280.0 + seed, seed % 2, 1),
     )
     told = run_transitions(count=2 * PER_FLIGHT + 1, seed=5)
     assert (told.flights, told.transitions) == (3, 3 * PER_FLIGHT)

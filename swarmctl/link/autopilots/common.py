@@ -8,7 +8,7 @@ from collections.abc import Callable
 from swarmctl.commands import Arm, Command, Disarm, RequestHome, RequestVersion, StreamTelemetry
 from swarmctl.events import Heartbeat, LandedState
 from swarmctl.link.codec.messages import CommandLong, DataStream, MavCmd, MessageId
-from swarmctl.link.command_protocol import Request, State
+from swarmctl.link.command_request import Request, State
 
 _EXTENDED_STATUS, _POSITION, _EXTRA1, _EXTRA3 = 2, 6, 10, 12
 """MAV_DATA_STREAMs."""

@@ -9,7 +9,7 @@ from swarmctl.commands import Command
 from swarmctl.events import Mode
 from swarmctl.link.autopilots import ardupilot, px4
 from swarmctl.link.codec.messages import Spelling
-from swarmctl.link.command_protocol import Request
+from swarmctl.link.command_request import Request
 
 
 class Personality(Protocol):

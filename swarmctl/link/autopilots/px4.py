@@ -23,7 +23,7 @@ from swarmctl.link.autopilots.common import (
     shows_mode,
 )
 from swarmctl.link.codec.messages import CommandLong, MavCmd, Spelling
-from swarmctl.link.command_protocol import Request
+from swarmctl.link.command_request import Request
 
 NAME = "PX4"
 GUIDED_BY_STREAM = True

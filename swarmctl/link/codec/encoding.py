@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.commands import GoTo, UploadFence
+from swarmctl.link.address import Address
 from swarmctl.link.codec.messages import (
     AUTOPILOT_COMPONENT,
     AskForItem,
@@ -182,6 +183,27 @@ class Encoder:
             frame = message.pack(self._mav, force_mavlink1=self.mavlink_1)
         self._mav.seq = (self._mav.seq + 1) & 0xFF
         return frame
+
+
+class Encoders:
+    """One encoder for each address, because sequence numbers count per channel.
+
+    Args:
+        sysid: Our own system id.
+        signing: Signs what is sent; None without a key.
+    """
+
+    def __init__(self, sysid: int, signing: Signing | None) -> None:
+        self._sysid = sysid
+        self._signing = signing
+        self._encoders: dict[Address, Encoder] = {}
+
+    def to(self, address: Address) -> Encoder:
+        """The encoder of our frames to an address."""
+        if address not in self._encoders:
+            link_id = len(self._encoders) & 0xFF
+            self._encoders[address] = Encoder(self._sysid, self._signing, link_id)
+        return self._encoders[address]
 
 
 def _fence_item(fence: UploadFence) -> object:

@@ -6,7 +6,7 @@ Units and frames as in the package docstring: ``decoding`` has converted them.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import msgspec
 
@@ -25,23 +25,6 @@ from swarmctl.units import Vector
 
 AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
-
-
-class Address(NamedTuple):
-    """Where somebody is heard and answered.
-
-    Attributes:
-        host: Host of the other side; of a serial line, the device.
-        port: Its port; of a serial line, the baud rate.
-        endpoint: Which of our own endpoints, counted from 0.
-    """
-
-    host: str
-    port: int
-    endpoint: int = 0
-
-    def __str__(self) -> str:
-        return f"{self.host}:{self.port}"
 
 
 class MavCmd(IntEnum):
@@ -113,7 +96,7 @@ class Fault(msgspec.Struct, frozen=True, gc=False):
     detail: str
 
 
-class HeartbeatFact(msgspec.Struct, frozen=True, gc=False):
+class HeartbeatMessage(msgspec.Struct, frozen=True, gc=False):
     """HEARTBEAT of a flight controller; what ``custom_mode`` means depends on the autopilot.
 
     Attributes:
@@ -131,7 +114,7 @@ class HeartbeatFact(msgspec.Struct, frozen=True, gc=False):
     failsafe: bool
 
 
-class PositionFact(msgspec.Struct, frozen=True):
+class PositionMessage(msgspec.Struct, frozen=True):
     """GLOBAL_POSITION_INT; its UTC depends on the vehicle's clock. Fields as VehiclePosition."""
 
     boot_s: float
@@ -167,7 +150,7 @@ class TimeSyncAnswer(msgspec.Struct, frozen=True, gc=False):
     asked_ns: int
 
 
-class ParameterFact(msgspec.Struct, frozen=True, gc=False):
+class ParameterMessage(msgspec.Struct, frozen=True, gc=False):
     """PARAM_VALUE; what its bytes mean depends on the autopilot.
 
     Attributes:
@@ -181,7 +164,7 @@ class ParameterFact(msgspec.Struct, frozen=True, gc=False):
     kind: int
 
 
-class FenceFact(msgspec.Struct, frozen=True, gc=False):
+class FenceMessage(msgspec.Struct, frozen=True, gc=False):
     """A word of the vehicle about its geofence (mission type FENCE).
 
     Attributes:
@@ -191,25 +174,25 @@ class FenceFact(msgspec.Struct, frozen=True, gc=False):
     target_system: int
 
 
-class FenceRequest(FenceFact, frozen=True, gc=False):
+class FenceRequest(FenceMessage, frozen=True, gc=False):
     """MISSION_REQUEST or MISSION_REQUEST_INT: it asks for an item by its number."""
 
     seq: int
 
 
-class FenceAck(FenceFact, frozen=True, gc=False):
+class FenceAck(FenceMessage, frozen=True, gc=False):
     """MISSION_ACK; ``result`` is MAV_MISSION_RESULT's name without its prefix."""
 
     result: str
 
 
-class FenceCount(FenceFact, frozen=True, gc=False):
+class FenceCount(FenceMessage, frozen=True, gc=False):
     """MISSION_COUNT: how many items its fence has."""
 
     count: int
 
 
-class FenceItem(FenceFact, frozen=True, gc=False):
+class FenceItem(FenceMessage, frozen=True, gc=False):
     """MISSION_ITEM_INT.
 
     Attributes:
@@ -229,12 +212,12 @@ class FenceItem(FenceFact, frozen=True, gc=False):
     lon_rad: float
 
 
-Fact = (
-    HeartbeatFact
-    | PositionFact
+Message = (
+    HeartbeatMessage
+    | PositionMessage
     | CommandAck
-    | ParameterFact
-    | FenceFact
+    | ParameterMessage
+    | FenceMessage
     | GpsFix
     | HomePosition
     | LandedState

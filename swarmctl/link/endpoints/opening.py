@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.stream import StreamEndpoint, open_stream
 from swarmctl.link.endpoints.udp import OnData, UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url

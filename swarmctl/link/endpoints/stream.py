@@ -9,8 +9,8 @@ from types import ModuleType
 from typing import cast
 
 from swarmctl.errors import LinkError
+from swarmctl.link.address import Address
 from swarmctl.link.codec.framing import Framer
-from swarmctl.link.codec.messages import Address
 from swarmctl.link.endpoints.udp import OnData
 from swarmctl.link.endpoints.url import EndpointUrl
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import cast
 
 from swarmctl.errors import LinkError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.url import EndpointUrl
 
 OnData = Callable[[bytes, Address], None]

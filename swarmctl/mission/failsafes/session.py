@@ -1,4 +1,4 @@
-"""The vehicles' failsafe parameters: read, judged, with consent set, and in the end restored."""
+"""Reads the vehicles' failsafe parameters, sets them with consent, and restores them."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from collections import Counter
 from swarmctl.commands import Command, ReadParameter, WriteParameter
 from swarmctl.events import ParameterValue
 from swarmctl.mission.failsafes.judge import (
-    Craft,
-    Unsafe,
+    JudgedVehicle,
+    UnsafeParameter,
     advised_of,
+    find_unsafe,
     parameters_of,
     required_of,
-    unsafe,
 )
-from swarmctl.mission.failsafes.rules import Demands, Weight
+from swarmctl.mission.failsafes.rules import Demands, RuleClass, SetTo
 from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.mission_file import Mission
 from swarmctl.units import Vector
 
 ASK_AGAIN_S = 6.0
-"""What is not known or not set this long after it was asked for is asked for again."""
+"""A parameter that is not known or not set this long after it was asked for is asked for again."""
 TIMES_ASKED = 2
-"""Questions, of four tries each, that a parameter a flight may do without is worth. Over a radio
-that loses every fifth packet either way, one in 3500 is then missed; what must be known is not."""
+"""A parameter that is not required is asked for this many times, with four tries each. Over a
+radio that loses every fifth packet either way, one in 3500 is then still unknown. A required
+parameter is asked for until it is known."""
 RESTORE_TIMEOUT_S = 20.0
-"""A vehicle that has not taken its old values this long is left with the new ones."""
+"""A vehicle that has not taken its old values after this long keeps the new ones."""
 
 
-class Settings:
-    """Sees to it that every vehicle's failsafes bring it home.
+class FailsafeSession:
+    """The failsafe parameters of all vehicles, from before the flight until they are restored.
 
     Args:
         mission: The mission; its ``swarm.set_failsafes`` is the operator's consent.
         fleet: The vehicles.
 
     Attributes:
-        changed: What each parameter was before it was set, by system id and name.
+        changed: Value of each changed parameter before the flight, by system id and name.
     """
 
     def __init__(self, mission: Mission, fleet: Fleet) -> None:
@@ -51,11 +52,11 @@ class Settings:
     # --- Before the flight -----------------------------------------------------------
 
     def step(self, now: float, *, may_set: bool) -> list[Command]:
-        """Ask for what is not known, and set what is unsafe if the mission allows it.
+        """Ask for what is not known, and set what is unsafe if the operator consents.
 
         Args:
             now: Controller's time, s.
-            may_set: Whether the vehicles are ready but for this.
+            may_set: Whether the vehicles pass every other check.
         """
         commands: list[Command] = []
         for vehicle in self._fleet.vehicles.values():
@@ -66,19 +67,21 @@ class Settings:
         if not (may_set and self._mission.swarm.set_failsafes):
             return commands
         faults = self.faults()
-        if any(fault.weight is Weight.OWN for fault in faults):
+        if any(fault.rule_class is RuleClass.OPERATOR_ONLY for fault in faults):
             return commands
         for fault in faults:
-            if fault.weight is Weight.KNOWN:
+            if fault.rule_class is RuleClass.REPORT_ONLY or not isinstance(fault.verdict, SetTo):
                 continue
             vehicle = self._fleet.vehicles[fault.sysid]
             key = (fault.sysid, fault.parameter)
-            # Before the question of what it is has been answered, nothing is due here.
+            # The first write follows its answer at once; only repeated writes have to wait.
             if key not in self.changed or self._is_due(*key, now):
                 self._asked_at[key] = now
                 self.changed.setdefault(key, vehicle.parameters[fault.parameter])
                 commands.append(
-                    WriteParameter(sysid=fault.sysid, parameter=fault.parameter, value=fault.right)
+                    WriteParameter(
+                        sysid=fault.sysid, parameter=fault.parameter, value=fault.verdict.value
+                    )
                 )
         return commands
 
@@ -88,20 +91,22 @@ class Settings:
         if names:
             return [f"it has not told its {', '.join(names)}"]
         return [
-            f"it does not take {fault.parameter} = {fault.right:g}"
+            f"it does not take {fault.parameter} = {fault.verdict.value:g}"
             for fault in self.faults()
-            if fault.sysid == vehicle.sysid and (fault.sysid, fault.parameter) in self.changed
+            if fault.sysid == vehicle.sysid
+            and (fault.sysid, fault.parameter) in self.changed
+            and isinstance(fault.verdict, SetTo)
         ]
 
-    def faults(self) -> list[Unsafe]:
-        """What is unsafe, once every vehicle has told all."""
+    def faults(self) -> list[UnsafeParameter]:
+        """What is unsafe; empty until every vehicle has told all its parameters."""
         vehicles = list(self._fleet.vehicles.values())
         if any(self._missing(v) or v.launch_enu is None for v in vehicles):
             return []
         limits = self._mission.limits
-        return unsafe(
+        return find_unsafe(
             [
-                self._craft(v, v.heartbeat.autopilot, v.launch_enu)
+                self._judged(v, v.heartbeat.autopilot, v.launch_enu)
                 for v in vehicles
                 if v.heartbeat is not None
                 and v.launch_enu is not None
@@ -111,7 +116,7 @@ class Settings:
             ceiling_amsl_m=limits.ceiling_amsl_m,
         )
 
-    def _craft(self, vehicle: VehicleState, autopilot: str, home_enu: Vector) -> Craft:
+    def _judged(self, vehicle: VehicleState, autopilot: str, home_enu: Vector) -> JudgedVehicle:
         mission, limits = self._mission, self._mission.limits
         home_amsl_m = mission.origin.alt_amsl_m + home_enu[2]
         demands = Demands(
@@ -122,15 +127,16 @@ class Settings:
             reach_m=limits.geofence_radius_m + math.hypot(*home_enu[:2]),
             is_fenced=limits.upload_geofence,
         )
-        return Craft(vehicle.sysid, autopilot, demands, home_amsl_m, vehicle.known_parameters)
+        return JudgedVehicle(
+            vehicle.sysid, autopilot, demands, home_amsl_m, vehicle.known_parameters
+        )
 
     def refusal(self) -> str | None:
         """Why the swarm must not fly as its vehicles are set; None if it may."""
-        faults = self.faults()
         said = []
-        if own := self._verdicts([f for f in faults if f.weight is Weight.OWN]):
+        if own := self._sentences(RuleClass.OPERATOR_ONLY):
             said.append(f"{'; '.join(own)}. Change that on the vehicles, or fly lower")
-        settable = self._verdicts([f for f in faults if f.weight is Weight.MUST])
+        settable = self._sentences(RuleClass.REQUIRED)
         if settable and not self._mission.swarm.set_failsafes:
             said.append(
                 f"{'; '.join(settable)}. Set these on the vehicles, or let swarmctl set them for"
@@ -139,7 +145,7 @@ class Settings:
         return "; also, ".join(said) or None
 
     def warnings(self) -> list[str]:
-        """What else the operator should know of how the vehicles are set, once all is read."""
+        """What the operator should know of the parameters although the vehicles may fly."""
         untold = [
             f"vehicle {vehicle.sysid} has not told its {name}: nobody looked at what it is"
             for vehicle in self._fleet.vehicles.values()
@@ -147,28 +153,29 @@ class Settings:
             for name in sorted(advised_of(vehicle.heartbeat.autopilot))
             if name not in vehicle.known_parameters
         ]
-        said = [f for f in self.faults() if f.weight in {Weight.BETTER, Weight.KNOWN}]
-        return [*untold, *self._verdicts(said)]
+        return [*untold, *self._sentences(RuleClass.RECOMMENDED, RuleClass.REPORT_ONLY)]
 
-    def _verdicts(self, faults: list[Unsafe]) -> list[str]:
-        """A clause for each fault, for all vehicles that have it."""
+    def _sentences(self, *classes: RuleClass) -> list[str]:
+        """What is unsafe, of some classes: one clause for all vehicles with the same fault."""
         alike: dict[str, list[str]] = {}
-        for fault in faults:
-            alike.setdefault(self._verdict(fault), []).append(f"{fault.sysid}")
-        return [f"{_vehicles(sysids)}: {verdict}" for verdict, sysids in alike.items()]
+        for fault in self.faults():
+            if fault.rule_class in classes:
+                alike.setdefault(self._sentence(fault), []).append(f"{fault.sysid}")
+        return [f"{_vehicles(sysids)}: {said}" for said, sysids in alike.items()]
 
-    def _verdict(self, fault: Unsafe) -> str:
+    def _sentence(self, fault: UnsafeParameter) -> str:
         told = self._fleet.vehicles[fault.sysid].parameters[fault.parameter]
-        is_, right = fault.value / told.own_unit, fault.right / told.own_unit
-        if math.isnan(right):
-            return f"{told.own_name} is {is_:g}, {fault.why}"
-        ought = "should" if fault.weight is Weight.MUST else "had better"
-        return f"{told.own_name} is {is_:g}, and {ought} be {right:g} ({fault.why})"
+        found = f"{told.own_name} is {fault.value / told.own_unit:g}"
+        if not isinstance(fault.verdict, SetTo):
+            return f"{found}, {fault.verdict.why}"
+        ought = "should" if fault.rule_class is RuleClass.REQUIRED else "had better"
+        right = fault.verdict.value / told.own_unit
+        return f"{found}, and {ought} be {right:g} ({fault.verdict.why})"
 
     # --- After the flight ------------------------------------------------------------
 
     def restore(self, now: float) -> list[Command]:
-        """Give every vehicle its own values back; call until :meth:`is_restored`."""
+        """Give every vehicle its old values back; call it until :meth:`is_restored`."""
         if self._restoring_since is None:
             self._restoring_since = now
             self._asked_at.clear()
@@ -180,27 +187,27 @@ class Settings:
         return commands
 
     def is_restored(self, now: float) -> bool:
-        """Whether nothing is left to restore, or to wait for."""
+        """Whether every old value is back, or it is no use to wait any longer."""
         since = self._restoring_since
         return not self.left_behind() or (since is not None and now - since > RESTORE_TIMEOUT_S)
 
     def left_behind(self) -> list[str]:
-        """Parameters that are not what they were before the flight, for a person."""
+        """Parameters that differ from before the flight, in words."""
         return [
-            f"{was.own_name} of vehicle {sysid}, which was {_own(was):g}"
+            f"{was.own_name} of vehicle {sysid}, which was {_in_own_unit(was):g}"
             for (sysid, name), was in self.changed.items()
             if self._is_left(sysid, name)
         ]
 
     def _is_left(self, sysid: int, name: str) -> bool:
-        # What was told before the old value was sent says nothing of it.
+        # Only what the vehicle has told after the old value was sent counts.
         since = self._restoring_since
         told = self._fleet.vehicles[sysid].parameters[name]
         was = self.changed[sysid, name]
         return since is None or told.received_s < since or told.value != was.value
 
     def _missing(self, vehicle: VehicleState) -> list[str]:
-        """Parameters that are looked at and that the vehicle may still tell."""
+        """Parameters that are judged, not known, and worth another question."""
         if vehicle.heartbeat is None:
             return []
         autopilot, known = vehicle.heartbeat.autopilot, vehicle.known_parameters
@@ -228,6 +235,6 @@ def _vehicles(sysids: list[str]) -> str:
     return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(sysids)}"
 
 
-def _own(told: ParameterValue) -> float:
+def _in_own_unit(told: ParameterValue) -> float:
     """A known parameter's value in the vehicle's own unit."""
     return (told.value or 0.0) / told.own_unit

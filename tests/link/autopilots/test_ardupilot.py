@@ -21,7 +21,7 @@ from swarmctl.commands import (
 )
 from swarmctl.events import Heartbeat, LandedState, Mode
 from swarmctl.link.autopilots import ardupilot
-from swarmctl.link.command_protocol import Request, State
+from swarmctl.link.command_request import Request, State
 from tests.recorder.samples import record_types
 
 ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}

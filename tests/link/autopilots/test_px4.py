@@ -19,7 +19,7 @@ from swarmctl.commands import (
 )
 from swarmctl.events import Heartbeat, Mode
 from swarmctl.link.autopilots import px4
-from swarmctl.link.command_protocol import Request
+from swarmctl.link.command_request import Request
 from tests.recorder.samples import record_types
 
 ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}

@@ -1,4 +1,4 @@
-"""Frames to facts, against pymavlink and against numbers worked by hand."""
+"""Frames to messages, against pymavlink and against numbers worked by hand."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from swarmctl.link.codec import decoding
 from swarmctl.link.codec.framing import split
 from swarmctl.link.codec.messages import (
     CommandAck,
-    Fact,
     Fault,
-    HeartbeatFact,
+    HeartbeatMessage,
+    Message,
     MessageId,
-    PositionFact,
+    PositionMessage,
 )
 from tests.link.wire import Sender, frame_by_hand
 
@@ -37,7 +37,7 @@ INT16 = st.integers(-32768, 32767)
 INT32 = st.integers(-(2**31), 2**31 - 1)
 
 
-def read(frame: bytes) -> Fact | Fault | None:
+def read(frame: bytes) -> Message | Fault | None:
     frames, faults = split(frame)
     assert faults == []
     assert [found.raw for found in frames] == [frame]
@@ -46,14 +46,14 @@ def read(frame: bytes) -> Fact | Fault | None:
 
 def test_a_frame_laid_out_by_hand() -> None:
     payload = struct.pack("<BB", 0, 2)
-    fact = read(frame_by_hand(245, payload, 130))
-    assert fact == LandedState(received_s=5.0, sysid=1, state="in_air")
+    message = read(frame_by_hand(245, payload, 130))
+    assert message == LandedState(received_s=5.0, sysid=1, state="in_air")
 
 
 def test_fields_of_a_newer_dialect_at_the_end_are_ignored() -> None:
     payload = struct.pack("<BB", 0, 2) + b"\x07\x08"
-    fact = read(frame_by_hand(245, payload, 130))
-    assert fact == LandedState(received_s=5.0, sysid=1, state="in_air")
+    message = read(frame_by_hand(245, payload, 130))
+    assert message == LandedState(received_s=5.0, sysid=1, state="in_air")
 
 
 def test_a_message_nobody_needs_is_not_read() -> None:
@@ -62,10 +62,10 @@ def test_a_message_nobody_needs_is_not_read() -> None:
 
 def test_heartbeat() -> None:
     armed_quad = read(Sender().heartbeat(mode=4, armed=True))
-    assert armed_quad == HeartbeatFact("ardupilot", True, 4, True, False)
+    assert armed_quad == HeartbeatMessage("ardupilot", True, 4, True, False)
     px4_plane = Sender().heartbeat(mode=0x04030000, autopilot=12, type=1)
-    assert read(px4_plane) == HeartbeatFact("px4", False, 0x04030000, False, False)
-    assert read(Sender().heartbeat(autopilot=0)) == HeartbeatFact("other", True, 4, False, False)
+    assert read(px4_plane) == HeartbeatMessage("px4", False, 0x04030000, False, False)
+    assert read(Sender().heartbeat(autopilot=0)) == HeartbeatMessage("other", True, 4, False, False)
 
 
 @pytest.mark.parametrize(
@@ -74,9 +74,9 @@ def test_heartbeat() -> None:
 def test_a_heartbeat_says_whether_it_flies_on_a_failsafe(
     system_status: int, failsafe: bool
 ) -> None:
-    fact = read(Sender().heartbeat(system_status=system_status))
-    assert isinstance(fact, HeartbeatFact)
-    assert fact.failsafe is failsafe
+    message = read(Sender().heartbeat(system_status=system_status))
+    assert isinstance(message, HeartbeatMessage)
+    assert message.failsafe is failsafe
 
 
 @pytest.mark.parametrize("fields", [{"type": 6}, {"type": 30, "autopilot": 8}], ids=str)
@@ -86,14 +86,14 @@ def test_heartbeat_of_no_flight_controller(fields: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("mav_type", "expected"), [(2, True), (13, True), (14, True), (4, False)])
 def test_multirotors(mav_type: int, expected: bool) -> None:
-    fact = read(Sender().heartbeat(type=mav_type))
-    assert isinstance(fact, HeartbeatFact)
-    assert fact.is_multirotor is expected
+    message = read(Sender().heartbeat(type=mav_type))
+    assert isinstance(message, HeartbeatMessage)
+    assert message.is_multirotor is expected
 
 
 def test_position_with_numbers_worked_by_hand() -> None:
     # 45 degrees are pi/4, -90 degrees -pi/2. North 1 m/s, east -2 m/s, down 3 m/s.
-    fact = read(
+    message = read(
         Sender().pack(
             "GLOBAL_POSITION_INT",
             time_boot_ms=123_456,
@@ -106,12 +106,12 @@ def test_position_with_numbers_worked_by_hand() -> None:
             vz=300,
         )
     )
-    assert isinstance(fact, PositionFact)
-    assert fact.boot_s == 123.456
-    assert fact.lat_rad == pytest.approx(0.785_398_163_397_448_3, abs=1e-15)
-    assert fact.lon_rad == pytest.approx(-1.570_796_326_794_896_6, abs=1e-15)
-    assert fact.alt_amsl_m == -12.345
-    assert fact.velocity_enu == (-2.0, 1.0, -3.0)
+    assert isinstance(message, PositionMessage)
+    assert message.boot_s == 123.456
+    assert message.lat_rad == pytest.approx(0.785_398_163_397_448_3, abs=1e-15)
+    assert message.lon_rad == pytest.approx(-1.570_796_326_794_896_6, abs=1e-15)
+    assert message.alt_amsl_m == -12.345
+    assert message.velocity_enu == (-2.0, 1.0, -3.0)
 
 
 @given(
@@ -125,7 +125,7 @@ def test_every_plausible_position_is_taken(
     boot_ms: int, lat: int, lon: int, alt: int, velocity: tuple[int, int, int]
 ) -> None:
     north, east, down = velocity
-    fact = read(
+    message = read(
         Sender().pack(
             "GLOBAL_POSITION_INT",
             time_boot_ms=boot_ms,
@@ -137,12 +137,12 @@ def test_every_plausible_position_is_taken(
             vz=down,
         )
     )
-    assert isinstance(fact, PositionFact)
-    assert round(fact.boot_s * 1000) == boot_ms
-    assert round(math.degrees(fact.lat_rad) * 1e7) == lat
-    assert round(math.degrees(fact.lon_rad) * 1e7) == lon
-    assert round(fact.alt_amsl_m * 1000) == alt
-    assert [round(speed * 100) for speed in fact.velocity_enu] == [east, north, -down]
+    assert isinstance(message, PositionMessage)
+    assert round(message.boot_s * 1000) == boot_ms
+    assert round(math.degrees(message.lat_rad) * 1e7) == lat
+    assert round(math.degrees(message.lon_rad) * 1e7) == lon
+    assert round(message.alt_amsl_m * 1000) == alt
+    assert [round(speed * 100) for speed in message.velocity_enu] == [east, north, -down]
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_a_position_not_known_yet_is_no_position() -> None:
 )
 def test_equator_prime_meridian_poles_and_date_line_are_positions(lat: int, lon: int) -> None:
     position = read(Sender().pack("GLOBAL_POSITION_INT", lat=lat, lon=lon))
-    assert isinstance(position, PositionFact)
+    assert isinstance(position, PositionMessage)
     home = read(Sender().pack("HOME_POSITION", latitude=lat, longitude=lon))
     assert isinstance(home, HomePosition)
 
@@ -191,11 +191,11 @@ def test_home_position() -> None:
     frame = Sender().pack(
         "HOME_POSITION", latitude=300_000_000, longitude=-600_000_000, altitude=51_200
     )
-    fact = read(frame)
-    assert isinstance(fact, HomePosition)
-    assert (fact.sysid, fact.received_s, fact.alt_amsl_m) == (1, 5.0, 51.2)
-    assert fact.lat_rad == pytest.approx(math.pi / 6, abs=1e-15)
-    assert fact.lon_rad == pytest.approx(-math.pi / 3, abs=1e-15)
+    message = read(frame)
+    assert isinstance(message, HomePosition)
+    assert (message.sysid, message.received_s, message.alt_amsl_m) == (1, 5.0, 51.2)
+    assert message.lat_rad == pytest.approx(math.pi / 6, abs=1e-15)
+    assert message.lon_rad == pytest.approx(-math.pi / 3, abs=1e-15)
 
 
 def test_attitude() -> None:
@@ -276,9 +276,9 @@ def test_gps_raw_int(satellites: int, expected: int) -> None:
     ],
 )
 def test_extended_sys_state(wire: int, state: str) -> None:
-    fact = read(Sender().pack("EXTENDED_SYS_STATE", landed_state=wire))
-    assert isinstance(fact, LandedState)
-    assert fact.state == state
+    message = read(Sender().pack("EXTENDED_SYS_STATE", landed_state=wire))
+    assert isinstance(message, LandedState)
+    assert message.state == state
 
 
 def test_autopilot_version() -> None:
@@ -332,7 +332,7 @@ def test_any_payload_under_a_right_checksum_never_raises(message_id: int, payloa
 @given(payload=st.binary(max_size=255))
 def test_any_payload_of_a_message_we_read_never_raises(message_id: int, payload: bytes) -> None:
     frame = frame_by_hand(message_id, payload, mavlink.mavlink_map[message_id].crc_extra)
-    fact = read(frame)
-    if isinstance(fact, PositionFact):
-        assert abs(fact.lat_rad) <= math.pi / 2
-        assert abs(fact.lon_rad) <= math.pi
+    message = read(frame)
+    if isinstance(message, PositionMessage):
+        assert abs(message.lat_rad) <= math.pi / 2
+        assert abs(message.lon_rad) <= math.pi

@@ -11,7 +11,7 @@ import tty
 import pytest
 
 from swarmctl.errors import LinkError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints import stream
 from swarmctl.link.endpoints.stream import open_stream
 from swarmctl.link.endpoints.url import EndpointUrl

@@ -8,7 +8,7 @@ import socket
 import pytest
 
 from swarmctl.errors import LinkError
-from swarmctl.link.codec.messages import Address
+from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl
 

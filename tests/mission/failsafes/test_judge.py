@@ -6,8 +6,16 @@ import math
 
 import pytest
 
-from swarmctl.mission.failsafes.judge import Craft, advised_of, parameters_of, required_of, unsafe
-from swarmctl.mission.failsafes.rules import Demands, Weight
+from swarmctl.mission.failsafes.judge import (
+    RULES,
+    JudgedVehicle,
+    UnsafeParameter,
+    advised_of,
+    find_unsafe,
+    parameters_of,
+    required_of,
+)
+from swarmctl.mission.failsafes.rules import Demands, OperatorDecides, RuleClass, SetTo
 from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE
 
 COPTER = ARDUPILOT_SAFE | {"RTL_ALT_M": 15.0}
@@ -15,9 +23,9 @@ PX4 = PX4_SAFE | {"RTL_RETURN_ALT": 30.0}
 GROUND_M = 50.0
 
 
-def craft(
+def vehicle(
     sysid: int, above_home_m: float, values: dict[str, float], *, is_fenced: bool = False
-) -> Craft:
+) -> JudgedVehicle:
     autopilot = "ardupilot" if "RTL_ALT_M" in values else "px4"
     demands = Demands(
         gcs_sysid=245,
@@ -27,12 +35,17 @@ def craft(
         reach_m=2000.0,
         is_fenced=is_fenced,
     )
-    return Craft(sysid, autopilot, demands, GROUND_M, values)
+    return JudgedVehicle(sysid, autopilot, demands, GROUND_M, values)
 
 
-def judged(*crafts: Craft) -> list[tuple[int, str, float]]:
-    found = unsafe(crafts, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
-    return [(fault.sysid, fault.parameter, fault.right) for fault in found]
+def judged(*vehicles: JudgedVehicle) -> list[tuple[int, str, float | None]]:
+    found = find_unsafe(vehicles, separation_m=8.0, ceiling_amsl_m=GROUND_M + 100.0)
+    return [(fault.sysid, fault.parameter, right(fault)) for fault in found]
+
+
+def right(fault: UnsafeParameter) -> float | None:
+    """The value to set; None if the operator decides."""
+    return fault.verdict.value if isinstance(fault.verdict, SetTo) else None
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -45,7 +58,7 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "parameter", "value", "right"),
+    ("values", "parameter", "value", "to_set"),
     [
         (COPTER, "FS_GCS_ENABLE", 1.0, None),
         (COPTER, "FS_GCS_ENABLE", 0.0, 1.0),  # off
@@ -94,59 +107,63 @@ def test_the_judged_parameters_are_the_ones_to_read(autopilot: str) -> None:
     ],
 )
 def test_each_parameter(
-    values: dict[str, float], parameter: str, value: float, right: float | None
+    values: dict[str, float], parameter: str, value: float, to_set: float | None
 ) -> None:
-    expected = [] if right is None else [(7, parameter, right)]
-    assert judged(craft(7, 40.0, values | {parameter: value})) == expected
+    expected = [] if to_set is None else [(7, parameter, to_set)]
+    assert judged(vehicle(7, 40.0, values | {parameter: value})) == expected
 
 
 @pytest.mark.parametrize(
-    ("values", "changed", "right", "weight"),
+    ("values", "changed", "expected", "rule_class"),
     [
         # Nothing acts on the loss of a remote control.
         (COPTER, {"FS_THR_ENABLE": 0.0, "FS_OPTIONS": 16.0}, None, None),
-        (COPTER, {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 16.0}, ("FS_OPTIONS", 20.0), Weight.BETTER),
+        (
+            COPTER,
+            {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 16.0},
+            ("FS_OPTIONS", 20.0),
+            RuleClass.RECOMMENDED,
+        ),
         (COPTER, {"FS_THR_ENABLE": 3.0, "FS_OPTIONS": 20.0}, None, None),
-        (COPTER, {"WP_ACC": 1.0}, ("WP_ACC", 2.0), Weight.BETTER),
-        (COPTER, {"BATT_FS_LOW_ACT": 0.0}, ("BATT_FS_LOW_ACT", 2.0), Weight.KNOWN),
-        (COPTER, {"BATT_FS_LOW_ACT": 1.0}, ("BATT_FS_LOW_ACT", 2.0), Weight.KNOWN),
+        (COPTER, {"WP_ACC": 1.0}, ("WP_ACC", 2.0), RuleClass.RECOMMENDED),
+        (COPTER, {"BATT_FS_LOW_ACT": 0.0}, ("BATT_FS_LOW_ACT", 2.0), RuleClass.REPORT_ONLY),
+        (COPTER, {"BATT_FS_LOW_ACT": 1.0}, ("BATT_FS_LOW_ACT", 2.0), RuleClass.REPORT_ONLY),
         (COPTER, {"BATT_LOW_VOLT": 0.0, "BATT_LOW_MAH": 500.0}, None, None),
-        (COPTER, {"BATT_LOW_VOLT": 0.0}, ("BATT_LOW_VOLT", math.nan), Weight.KNOWN),
+        (COPTER, {"BATT_LOW_VOLT": 0.0}, ("BATT_LOW_VOLT", None), RuleClass.REPORT_ONLY),
         (PX4, {"COM_RCL_EXCEPT": 0.0, "COM_RC_IN_MODE": 4.0}, None, None),
-        (PX4, {"COM_RCL_EXCEPT": 1.0}, ("COM_RCL_EXCEPT", 5.0), Weight.BETTER),
-        (PX4, {"COM_LOW_BAT_ACT": 0.0}, ("COM_LOW_BAT_ACT", 3.0), Weight.BETTER),
-        (PX4, {"COM_LOW_BAT_ACT": 2.0}, ("COM_LOW_BAT_ACT", 3.0), Weight.BETTER),
+        (PX4, {"COM_RCL_EXCEPT": 1.0}, ("COM_RCL_EXCEPT", 5.0), RuleClass.RECOMMENDED),
+        (PX4, {"COM_LOW_BAT_ACT": 0.0}, ("COM_LOW_BAT_ACT", 3.0), RuleClass.RECOMMENDED),
+        (PX4, {"COM_LOW_BAT_ACT": 2.0}, ("COM_LOW_BAT_ACT", 3.0), RuleClass.RECOMMENDED),
     ],
 )
 def test_what_a_flight_may_do_without(
     values: dict[str, float],
     changed: dict[str, float],
-    right: tuple[str, float] | None,
-    weight: Weight | None,
+    expected: tuple[str, float | None] | None,
+    rule_class: RuleClass | None,
 ) -> None:
-    found = unsafe(
-        [craft(7, 40.0, values | changed)],
+    found = find_unsafe(
+        [vehicle(7, 40.0, values | changed)],
         separation_m=8.0,
         ceiling_amsl_m=GROUND_M + 100.0,
     )
-    if right is None:
+    if expected is None:
         assert found == []
         return
     (fault,) = found
-    assert fault.weight is weight
-    assert fault.parameter == right[0]
-    assert fault.right == pytest.approx(right[1], nan_ok=True)
+    assert fault.rule_class is rule_class
+    assert (fault.parameter, right(fault)) == expected
 
 
 FENCED = COPTER | {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 2002.0}
 
 
 @pytest.mark.parametrize(
-    ("values", "changed", "fault", "weight"),
+    ("values", "changed", "fault", "rule_class"),
     [
         # Flying 40 m above home, and at most 2000 m from there.
         (FENCED, {"FENCE_ALT_MAX": 42.0}, None, None),
-        (FENCED, {"FENCE_ALT_MAX": 41.0}, "FENCE_ALT_MAX", Weight.OWN),
+        (FENCED, {"FENCE_ALT_MAX": 41.0}, "FENCE_ALT_MAX", RuleClass.OPERATOR_ONLY),
         (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_MARGIN": 1.0}, None, None),
         (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_TYPE": 6.0}, None, None),
         (FENCED, {"FENCE_ALT_MAX": 41.0, "FENCE_ENABLE": 0.0}, None, None),
@@ -154,23 +171,30 @@ FENCED = COPTER | {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 2002.
             FENCED,
             {"FENCE_ALT_MAX": 41.0, "FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0},  # when armed
             "FENCE_ALT_MAX",
-            Weight.OWN,
+            RuleClass.OPERATOR_ONLY,
         ),
-        (FENCED, {"FENCE_RADIUS": 2001.0}, "FENCE_RADIUS", Weight.KNOWN),
+        (FENCED, {"FENCE_RADIUS": 2001.0}, "FENCE_RADIUS", RuleClass.REPORT_ONLY),
         (FENCED, {"FENCE_RADIUS": 2001.0, "FENCE_TYPE": 5.0}, None, None),
         (PX4, {"GF_MAX_VER_DIST": 40.0}, None, None),
-        (PX4, {"GF_MAX_VER_DIST": 39.0}, "GF_MAX_VER_DIST", Weight.OWN),
+        (PX4, {"GF_MAX_VER_DIST": 39.0}, "GF_MAX_VER_DIST", RuleClass.OPERATOR_ONLY),
         (PX4, {"GF_MAX_VER_DIST": 39.0, "GF_ACTION": 1.0}, None, None),  # says it only
-        (PX4, {"GF_MAX_HOR_DIST": 1999.0}, "GF_MAX_HOR_DIST", Weight.KNOWN),
+        (PX4, {"GF_MAX_HOR_DIST": 1999.0}, "GF_MAX_HOR_DIST", RuleClass.REPORT_ONLY),
         (PX4, {"GF_MAX_HOR_DIST": 2000.0}, None, None),
     ],
 )
 def test_a_fence_of_its_own_must_not_end_the_flight(
-    values: dict[str, float], changed: dict[str, float], fault: str | None, weight: Weight | None
+    values: dict[str, float],
+    changed: dict[str, float],
+    fault: str | None,
+    rule_class: RuleClass | None,
 ) -> None:
-    found = unsafe([craft(7, 40.0, values | changed)], separation_m=8.0, ceiling_amsl_m=150.0)
-    assert [(f.parameter, f.weight) for f in found] == ([] if fault is None else [(fault, weight)])
-    assert all(math.isnan(f.right) for f in found)
+    found = find_unsafe(
+        [vehicle(7, 40.0, values | changed)], separation_m=8.0, ceiling_amsl_m=150.0
+    )
+    assert [(f.parameter, f.rule_class) for f in found] == (
+        [] if fault is None else [(fault, rule_class)]
+    )
+    assert all(isinstance(f.verdict, OperatorDecides) for f in found)
 
 
 @pytest.mark.parametrize(
@@ -186,9 +210,33 @@ def test_a_fence_of_its_own_must_not_end_the_flight(
 def test_it_is_said_when_the_fence_uploaded_to_it_does_nothing(
     values: dict[str, float], fault: str | None
 ) -> None:
-    assert judged(craft(7, 40.0, values)) == []
-    found = unsafe([craft(7, 40.0, values, is_fenced=True)], separation_m=8.0, ceiling_amsl_m=150.0)
+    assert judged(vehicle(7, 40.0, values)) == []
+    found = find_unsafe(
+        [vehicle(7, 40.0, values, is_fenced=True)], separation_m=8.0, ceiling_amsl_m=150.0
+    )
     assert [f.parameter for f in found] == ([] if fault is None else [fault])
+
+
+@pytest.mark.parametrize(
+    ("values", "parameter"),
+    [(COPTER, "FENCE_ALT_MAX"), (COPTER, "FS_OPTIONS"), (PX4, "GF_MAX_VER_DIST")],
+)
+def test_a_value_that_is_not_a_number_is_never_right(
+    values: dict[str, float], parameter: str
+) -> None:
+    assert judged(vehicle(7, 40.0, values)) == []
+    found = judged(vehicle(7, 40.0, values | {parameter: math.nan}))
+    assert found == [(7, parameter, None)]
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_required_rule_always_knows_what_to_set(autopilot: str) -> None:
+    demands = vehicle(7, 40.0, COPTER, is_fenced=True).demands
+    for rule in RULES[autopilot]:
+        if rule.rule_class is RuleClass.REQUIRED:
+            assert isinstance(rule.check(math.nan, {}, demands), SetTo)
+            for value in (math.inf, -1.0, 0.0, 1.0, 5.0, 48.0, 1e9):
+                assert not isinstance(rule.check(value, {}, demands), OperatorDecides)
 
 
 @pytest.mark.parametrize(("name", "values"), [("RTL_ALT_M", COPTER), ("RTL_RETURN_ALT", PX4)])
@@ -214,37 +262,39 @@ def test_returns_are_apart_and_below_the_ceiling(
     returns_m: tuple[float, float],
     rights: list[float | None],
 ) -> None:
-    crafts = [
-        craft(sysid, above, values | {name: least})
+    vehicles = [
+        vehicle(sysid, above, values | {name: least})
         for sysid, above, least in zip((1, 2), (40.0, 52.0), returns_m, strict=True)
     ]
-    expected = [(sysid, name, right) for sysid, right in zip((1, 2), rights, strict=True) if right]
-    assert judged(*crafts) == expected
+    expected = [
+        (sysid, name, to_set) for sysid, to_set in zip((1, 2), rights, strict=True) if to_set
+    ]
+    assert judged(*vehicles) == expected
 
 
 def test_firmware_without_a_timeout_parameter_is_not_judged_by_it() -> None:
     values = {name: value for name, value in COPTER.items() if name != "FS_GCS_TIMEOUT"}
-    assert judged(craft(1, 40.0, values)) == []
+    assert judged(vehicle(1, 40.0, values)) == []
 
 
 def test_what_is_right_is_judged_right() -> None:
-    crafts = [
-        craft(1, 40.7, COPTER | {"RTL_ALT_M": 60.0}),
-        craft(2, 52.7, PX4 | {"RTL_RETURN_ALT": 60.0}),
+    vehicles = [
+        vehicle(1, 40.7, COPTER | {"RTL_ALT_M": 60.0}),
+        vehicle(2, 52.7, PX4 | {"RTL_RETURN_ALT": 60.0}),
     ]
-    rights = {(s, p): r for s, p, r in judged(*crafts)}
+    rights = {(s, p): r for s, p, r in judged(*vehicles)}
     assert rights == {(1, "RTL_ALT_M"): 40.0, (2, "RTL_RETURN_ALT"): 52.0}
-    crafts = [
-        craft(1, 40.7, COPTER | {"RTL_ALT_M": rights[1, "RTL_ALT_M"]}),
-        craft(2, 52.7, PX4 | {"RTL_RETURN_ALT": rights[2, "RTL_RETURN_ALT"]}),
+    vehicles = [
+        vehicle(1, 40.7, COPTER | {"RTL_ALT_M": 40.0}),
+        vehicle(2, 52.7, PX4 | {"RTL_RETURN_ALT": 52.0}),
     ]
-    assert judged(*crafts) == []
+    assert judged(*vehicles) == []
 
 
 def test_every_vehicles_faults_are_found_at_once() -> None:
     found = judged(
-        craft(1, 40.0, COPTER | {"FS_GCS_ENABLE": 0.0, "MAV_GCS_SYSID": 255.0}),
-        craft(2, 52.0, PX4 | {"NAV_DLL_ACT": 0.0}),
+        vehicle(1, 40.0, COPTER | {"FS_GCS_ENABLE": 0.0, "MAV_GCS_SYSID": 255.0}),
+        vehicle(2, 52.0, PX4 | {"NAV_DLL_ACT": 0.0}),
     )
     assert found == [
         (1, "FS_GCS_ENABLE", 1.0),

@@ -9,7 +9,7 @@ import pytest
 from swarmctl.commands import Arm, ReadParameter, WriteParameter
 from swarmctl.decisions import MissionEnded, Notice
 from swarmctl.events import OperatorRequest, ParameterValue
-from swarmctl.mission.failsafes.session import Settings
+from swarmctl.mission.failsafes.session import FailsafeSession
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE, Flight
 from tests.missions import short_mission_text
@@ -93,14 +93,14 @@ def test_with_consent_they_are_set_before_the_flight_and_restored_after_it() -> 
     flown.run("landing")
     assert vehicle.parameters == ARDUPILOT_SAFE
     # What the operator is told if he leaves the swarm now.
-    assert flown.controller.changed_settings == [
+    assert flown.controller.unrestored_parameters == [
         "FS_GCS_ENABLE of vehicle 3, which was 0",
         "MAV_GCS_SYSID of vehicle 3, which was 255",
     ]
     flown.run("ended")
     assert ended(flown).result == "located"
     assert vehicle.parameters == UNSAFE
-    assert flown.controller.changed_settings == []
+    assert flown.controller.unrestored_parameters == []
     assert not vehicle.armed
     assert writes(flown) == [
         (3, "FS_GCS_ENABLE", 1.0),
@@ -279,12 +279,12 @@ def test_a_value_the_vehicle_made_of_ours_is_not_taken_for_its_own() -> None:
     flown = flight(set_failsafes=True)
     flown.run("launching")  # everything is known and safe
     fleet = flown.controller.fleet
-    settings = Settings(flown.controller.mission, fleet)
+    session = FailsafeSession(flown.controller.mission, fleet)
     fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 100.0))
-    assert len(settings.step(100.0, may_set=True)) == 1
+    assert len(session.step(100.0, may_set=True)) == 1
     fleet.observe(told(3, "FS_GCS_ENABLE", 3.0, 101.0))
-    assert len(settings.step(110.0, may_set=True)) == 1
-    (write,) = settings.restore(120.0)
+    assert len(session.step(110.0, may_set=True)) == 1
+    (write,) = session.restore(120.0)
     assert write == WriteParameter(sysid=3, parameter="FS_GCS_ENABLE", value=0.0)
 
 
@@ -292,13 +292,13 @@ def test_what_was_told_before_the_old_value_was_sent_does_not_end_the_restoring(
     flown = flight(set_failsafes=True)
     flown.run("launching")
     fleet = flown.controller.fleet
-    settings = Settings(flown.controller.mission, fleet)
+    session = FailsafeSession(flown.controller.mission, fleet)
     fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 100.0))
-    settings.step(100.0, may_set=True)  # on its way, and not yet answered
-    settings.restore(100.5)
-    assert not settings.is_restored(100.5)
+    session.step(100.0, may_set=True)  # on its way, and not yet answered
+    session.restore(100.5)
+    assert not session.is_restored(100.5)
     fleet.observe(told(3, "FS_GCS_ENABLE", 0.0, 101.0))
-    assert settings.is_restored(101.0)
+    assert session.is_restored(101.0)
 
 
 def test_px4_is_asked_for_its_own_parameters() -> None:

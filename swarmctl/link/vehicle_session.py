@@ -26,16 +26,17 @@ from swarmctl.link.autopilots.personality import PERSONALITIES, Personality
 from swarmctl.link.codec.messages import (
     CommandAck,
     DataStream,
-    Fact,
-    FenceFact,
-    HeartbeatFact,
+    FenceMessage,
+    HeartbeatMessage,
     MavCmd,
-    ParameterFact,
+    Message,
+    ParameterMessage,
     PlanPacket,
-    PositionFact,
+    PositionMessage,
     TimeSyncAnswer,
 )
-from swarmctl.link.command_protocol import Attempt, Exchange
+from swarmctl.link.command_protocol import CommandExchange
+from swarmctl.link.command_request import Attempt
 from swarmctl.link.fence_upload import FenceExchange
 from swarmctl.link.link_quality import LinkStatistics
 from swarmctl.link.parameter_protocol import ParameterExchange, ReadPacket, SetPacket
@@ -65,7 +66,7 @@ def mapped(told: VehicleClock, clock: BootClock) -> VehicleClock | None:
     return None if utc_s is None else msgspec.structs.replace(told, utc_s=utc_s)
 
 
-class Vehicle:
+class VehicleSession:
     """What a link keeps about one vehicle.
 
     Args:
@@ -98,7 +99,7 @@ class Vehicle:
         self.clock = clock
         self.round_trips = RoundTrips()
         self.statistics = LinkStatistics(now)
-        self.exchange = Exchange(sysid)
+        self.exchange = CommandExchange(sysid)
         self.parameters = ParameterExchange(sysid)
         self.fence = FenceExchange(sysid)
 
@@ -140,70 +141,70 @@ class Vehicle:
             self.exchange.next_timer(), self.parameters.next_timer(), self.fence.next_timer()
         )
 
-    def take(self, fact: Fact, now: float) -> Observation | None:
+    def take(self, message: Message, now: float) -> Observation | None:
         """Take what it says, and let those who wait for it know.
 
         Args:
-            fact: What it says; an answer only if the question was ours.
+            message: What it says; an answer only if the question was ours.
             now: Monotonic time, s.
 
         Returns:
             What there is to report; None for an answer.
         """
-        match fact:
-            case PositionFact():
+        match message:
+            case PositionMessage():
                 return VehiclePosition(
                     received_s=now,
                     sysid=self.sysid,
-                    boot_s=fact.boot_s,
-                    epoch_utc_s=self.clock.to_utc(fact.boot_s),
-                    lat_rad=fact.lat_rad,
-                    lon_rad=fact.lon_rad,
-                    alt_amsl_m=fact.alt_amsl_m,
-                    velocity_enu=fact.velocity_enu,
+                    boot_s=message.boot_s,
+                    epoch_utc_s=self.clock.to_utc(message.boot_s),
+                    lat_rad=message.lat_rad,
+                    lon_rad=message.lon_rad,
+                    alt_amsl_m=message.alt_amsl_m,
+                    velocity_enu=message.velocity_enu,
                 )
-            case HeartbeatFact():
-                heartbeat = self._heartbeat(fact, now)
+            case HeartbeatMessage():
+                heartbeat = self._heartbeat(message, now)
                 self.exchange.on_state(heartbeat, now)
                 return heartbeat
             case CommandAck():
-                self.exchange.on_ack(fact, now)
+                self.exchange.on_ack(message, now)
             case TimeSyncAnswer():
-                self.round_trips.add(fact.asked_ns / 1e9, fact.boot_s, now)
-            case FenceFact():
-                self.fence.on_fact(fact, now)
-            case ParameterFact():
+                self.round_trips.add(message.asked_ns / 1e9, message.boot_s, now)
+            case FenceMessage():
+                self.fence.on_message(message, now)
+            case ParameterMessage():
                 if self.personality is not None:
                     bytewise = self.personality.BYTEWISE_PARAMETERS
-                    self.parameters.on_value(fact, now, bytewise=bytewise)
+                    self.parameters.on_value(message, now, bytewise=bytewise)
             case _:
-                if isinstance(fact, LandedState):
-                    self.exchange.on_state(fact, now)
-                elif isinstance(fact, StatusText):
-                    self.exchange.on_text(fact.text, now)
-                elif isinstance(fact, VehicleClock):
-                    return mapped(fact, self.clock)
-                elif isinstance(fact, HomePosition):
-                    self.home_alt_amsl_m = fact.alt_amsl_m
-                return fact
+                if isinstance(message, LandedState):
+                    self.exchange.on_state(message, now)
+                elif isinstance(message, StatusText):
+                    self.exchange.on_text(message.text, now)
+                elif isinstance(message, VehicleClock):
+                    return mapped(message, self.clock)
+                elif isinstance(message, HomePosition):
+                    self.home_alt_amsl_m = message.alt_amsl_m
+                return message
         return None
 
-    def _heartbeat(self, fact: HeartbeatFact, now: float) -> Heartbeat:
-        personality = PERSONALITIES.get(fact.autopilot) if fact.is_multirotor else None
+    def _heartbeat(self, message: HeartbeatMessage, now: float) -> Heartbeat:
+        personality = PERSONALITIES.get(message.autopilot) if message.is_multirotor else None
         self.personality = personality
         if personality is not None:
-            mode, mode_name = personality.mode_of(fact.custom_mode)
+            mode, mode_name = personality.mode_of(message.custom_mode)
         else:
-            mode, mode_name = Mode.OTHER, str(fact.custom_mode)
+            mode, mode_name = Mode.OTHER, str(message.custom_mode)
         return Heartbeat(
             received_s=now,
             sysid=self.sysid,
-            autopilot=fact.autopilot,
-            is_multirotor=fact.is_multirotor,
+            autopilot=message.autopilot,
+            is_multirotor=message.is_multirotor,
             mode=mode,
             mode_name=mode_name,
-            armed=fact.armed,
-            failsafe=fact.failsafe,
+            armed=message.armed,
+            failsafe=message.failsafe,
             guided_by_stream=personality is not None and personality.GUIDED_BY_STREAM,
         )
 

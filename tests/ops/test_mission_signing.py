@@ -16,7 +16,7 @@ from swarmctl.mission.mission_file_loading import load_mission
 from swarmctl.ops.in_memory import UTC_START_S as UTC_S
 from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.live import fly
-from swarmctl.ops.signing import signing
+from swarmctl.ops.mission_signing import signing
 from swarmctl.ops.simulation import simulated
 from tests.link.test_signing import KEY
 from tests.ops.test_sitl import BRIEF

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from swarmctl.commands import RequestVersion
-from swarmctl.link.channels import Channels
+from swarmctl.link.address import Address
 from swarmctl.link.codec import decoding
-from swarmctl.link.codec.encoding import Encoder
-from swarmctl.link.codec.messages import Address, Frame, MessageId
-from swarmctl.link.vehicle import SILENT_S, Vehicle
+from swarmctl.link.codec.encoding import Encoder, Encoders
+from swarmctl.link.codec.messages import Frame, MessageId
 from swarmctl.link.vehicle_clock import BootClock
+from swarmctl.link.vehicle_session import SILENT_S, VehicleSession
 
 
-class AddressedVehicle(Vehicle):
+class AddressedSession(VehicleSession):
     """A vehicle and where it is heard and answered.
 
     Args:
@@ -43,13 +43,13 @@ class AddressedVehicle(Vehicle):
         return f"{super().__str__()} at {self.address}"
 
 
-class Roster:
+class VehicleRoster:
     """The vehicles of one link.
 
     Args:
         expected: System ids that belong to the swarm; None for any.
         vehicles: Where the vehicles met are kept, by system id.
-        channels: The addresses.
+        encoders: Write our frames.
         send: Sends a question to a vehicle.
         reject: Told of what is not believed: its kind, a sentence and the time.
         speedup: Seconds of our time in a second of the computer's.
@@ -58,8 +58,8 @@ class Roster:
     def __init__(
         self,
         expected: Collection[int] | None,
-        vehicles: dict[int, AddressedVehicle],
-        channels: Channels,
+        vehicles: dict[int, AddressedSession],
+        encoders: Encoders,
         send: Callable[[RequestVersion, float], None],
         reject: Callable[[str, str, float], None],
         speedup: float,
@@ -67,11 +67,11 @@ class Roster:
         self._speedup = speedup
         self._expected = None if expected is None else frozenset(expected)
         self._vehicles = vehicles
-        self._channels = channels
+        self._encoders = encoders
         self._send = send
         self._reject = reject
 
-    def meet(self, frame: Frame, address: Address, now: float) -> AddressedVehicle | None:
+    def meet(self, frame: Frame, address: Address, now: float) -> AddressedSession | None:
         """A new vehicle, if this frame makes one."""
         if frame.message_id != MessageId.HEARTBEAT or decoding.read(frame, now) is None:
             return None
@@ -84,12 +84,12 @@ class Roster:
                 now,
             )
             return None
-        encoder, clock = self._channels.encoder(address), BootClock(self._speedup)
-        vehicle = AddressedVehicle(frame.sysid, address, encoder, now, clock)
+        encoder, clock = self._encoders.to(address), BootClock(self._speedup)
+        vehicle = AddressedSession(frame.sysid, address, encoder, now, clock)
         self._vehicles[frame.sysid] = vehicle
         return vehicle
 
-    def is_where(self, vehicle: AddressedVehicle, address: Address, now: float) -> bool:
+    def may_speak_from(self, vehicle: AddressedSession, address: Address, now: float) -> bool:
         """Whether the vehicle may speak from this address.
 
         One that falls silent and comes back elsewhere has moved. While two addresses speak by
@@ -101,7 +101,7 @@ class Roster:
                 vehicle.rival_heard_s = now
                 return False
             vehicle.address = address
-            vehicle.encoder = self._channels.encoder(address)
+            vehicle.encoder = self._encoders.to(address)
         elif vehicle.rival is not None and now - vehicle.rival_heard_s < SILENT_S:
             self._reject(
                 "duplicate_sysid",
