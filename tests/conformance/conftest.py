@@ -1,4 +1,4 @@
-"""Which vehicles the rows are held against: our own in virtual time, or any at an endpoint."""
+"""Which vehicles are tested: the simulated ones in virtual time, or any at an endpoint."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="PERSONALITY=URL",
-        help="hold a vehicle at an endpoint to the rows instead of the simulated ones",
+        help="test a vehicle at an endpoint instead of the simulated ones",
     )
 
 

@@ -1,4 +1,4 @@
-"""Getting a vehicle of either personality into the air, for the rows that begin there."""
+"""Bring a vehicle of either autopilot into the air, for the tests that begin there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ POSITION_ONLY = only(0b111)
 
 
 def watch(vehicle: Vehicle, rate_hz: float = 50.0) -> None:
-    """Ask for what the rows in the air look at; they begin where it stands."""
+    """Ask for the messages that tests in the air look at; positions count from here."""
     vehicle.stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, rate_hz)
     vehicle.stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, rate_hz)
     vehicle.stand()

@@ -1,4 +1,4 @@
-"""A vehicle to be held to the rows of behaviour, wherever it is: in memory or at the end of UDP."""
+"""A vehicle whose behaviour is tested row by row, in memory or at a UDP endpoint."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Vehicle(ABC):
     def wait(
         self, duration_s: float, meanwhile: Callable[[], None] = lambda: None
     ) -> list[tuple[float, Message]]:
-        """Let time pass, doing something each tick; returns what came since last looked at."""
+        """Let time pass, doing something each tick; returns the messages not yet looked at."""
         until = self.now + duration_s
         while self.now < until - 1e-6:
             meanwhile()
@@ -201,13 +201,13 @@ class Vehicle(ABC):
             self.wait(1.0)
 
     def hush(self) -> None:
-        """Turn off the streams that were asked for."""
+        """Turn off the streams that the test asked for."""
         for message_id in self._streams:
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 0)
         self._streams.clear()
 
     def stand(self) -> None:
-        """Let places count from where it stands; its local frame begins where it booted."""
+        """Count positions from where it stands; its local frame begins where it booted."""
         self._stand = (0.0, 0.0)
         north, east, _ = self.position()
         self._stand = (north, east)
@@ -269,10 +269,10 @@ class Vehicle(ABC):
 
 
 class InMemory(Vehicle):
-    """A simulated vehicle in virtual time: the same bytes, and no time lost.
+    """A simulated vehicle in virtual time.
 
     Args:
-        personality: Whose traits it has.
+        personality: Its autopilot.
     """
 
     def __init__(self, personality: Literal["ardupilot", "px4"]) -> None:

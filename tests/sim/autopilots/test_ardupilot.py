@@ -1,4 +1,4 @@
-"""The traits of the ardupilot personality, one by one, over MAVLink bytes."""
+"""Boot, modes, arming, take-off and commands of the simulated ArduCopter, over MAVLink."""
 
 from __future__ import annotations
 
@@ -304,4 +304,4 @@ class TestCommands:
 
 
 AIRBORNE = Station()
-"""Shared by the fuzzing test, which cares for no state."""
+"""The vehicle of the fuzzing test, which works in any state."""

@@ -1,4 +1,4 @@
-"""How the ardupilot personality flies: setpoints in GUIDED, landing, returning, braking."""
+"""How the simulated ArduCopter flies: setpoints in GUIDED, landing, returning, braking."""
 
 from __future__ import annotations
 

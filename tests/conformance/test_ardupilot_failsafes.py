@@ -1,4 +1,4 @@
-"""ArduCopter's rows on failsafes, fences, parameters and uploads."""
+"""How ArduCopter behaves: failsafes, fences, parameters and uploads."""
 
 from __future__ import annotations
 
