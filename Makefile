@@ -3,8 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Tests run on every core; those of one xdist_group share what they have flown, in one process.
+PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 8 --dist loadgroup
 
-.PHONY: setup demo test lint bench docs site clean
+.PHONY: setup demo test test-slow test-all lint bench docs site clean
 
 setup: $(READY)
 
@@ -20,8 +22,16 @@ $(READY): pyproject.toml requirements.txt
 demo: setup
 	$(BIN)/swarmctl demo
 
+# A few minutes: all but Monte Carlo, many seeds and most whole flights.
 test: setup
-	$(BIN)/python -m pytest
+	$(PYTEST) -m "not slow"
+
+# What `make test` leaves out.
+test-slow: setup
+	$(PYTEST) -m slow
+
+test-all: setup
+	$(PYTEST)
 
 lint: setup
 	$(BIN)/ruff check .

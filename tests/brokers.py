@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import getpass
+import itertools
+import os
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,12 +19,24 @@ from swarmctl.feed.client import BrokerAddress
 MOSQUITTO = Path("/usr/sbin/mosquitto")
 
 
+def _candidates() -> Iterator[int]:
+    """Ports below those the kernel hands out, a block of their own for each pytest worker."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    block = range(20_000 + 1_000 * (worker % 10), 21_000 + 1_000 * (worker % 10))
+    first = os.getpid() % len(block)  # another pytest on this machine begins elsewhere
+    return itertools.cycle((*block[first:], *block[:first]))
+
+
+_ports = _candidates()
+
+
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
-    """A port on loopback that nobody uses now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A port on loopback that nobody uses, and that is not given again soon."""
+    while True:
+        port = next(_ports)
+        with socket.socket(socket.AF_INET, kind) as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 class Embedded:

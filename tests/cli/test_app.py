@@ -19,6 +19,8 @@ from mcap.reader import make_reader
 from swarmctl.recorder.summary import read_summary
 from tests.summaries import assert_within_limits
 
+pytestmark = pytest.mark.live
+
 Short = Callable[..., Path]
 
 SPEEDUP = "12"
@@ -96,6 +98,7 @@ def test_the_demo_over_udp_and_the_embedded_broker(short_mission: Short, tmp_pat
     assert "/truth/EmitterTruth" in topics_of(out)
 
 
+@pytest.mark.slow
 def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto: str) -> None:
     out = tmp_path / "out"
     code, _, errors = swarmctl(
@@ -106,6 +109,7 @@ def test_the_demo_over_mosquitto(short_mission: Short, tmp_path: Path, mosquitto
     assert read_summary(out).result == "located"
 
 
+@pytest.mark.slow
 def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_path: Path) -> None:
     # The consent that the mission does not give comes with the command.
     mission = str(short_mission(swarm__set_failsafes=False))
@@ -122,6 +126,7 @@ def test_sim_and_run_are_the_demo_in_two_processes(short_mission: Short, tmp_pat
     assert read_summary(out).seed is None
 
 
+@pytest.mark.slow
 def test_run_at_another_speed_than_its_vehicles_is_refused(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -251,7 +256,7 @@ def test_no_broker_is_named(short_mission: Short, tmp_path: Path) -> None:
     ("kind", "says"),
     [
         ("silent", "vehicle 3 never answered on udpin://"),
-        ("refuses_arming", "vehicle 3 refused to arm"),
+        pytest.param("refuses_arming", "vehicle 3 refused to arm", marks=pytest.mark.slow),
     ],
 )
 def test_a_vehicle_at_fault_is_named(
@@ -266,6 +271,7 @@ def test_a_vehicle_at_fault_is_named(
     assert read_summary(tmp_path / "out").result in {"vehicle_silent", "arming_refused"}
 
 
+@pytest.mark.slow
 def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -284,6 +290,7 @@ def test_ctrl_c_brings_the_swarm_home_and_closes_the_recording(
     assert "/decision/MissionEnded" in topics_of(out)
 
 
+@pytest.mark.slow
 def test_a_second_ctrl_c_leaves_at_once_and_says_what_the_vehicles_do(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -306,9 +313,9 @@ def test_a_second_ctrl_c_leaves_at_once_and_says_what_the_vehicles_do(
 
 
 def test_a_recording_is_never_overwritten(short_mission: Short, tmp_path: Path) -> None:
-    mission = str(short_mission())
+    mission = str(short_mission(sim__faults=[{"sysid": 3, "kind": "silent"}]))  # soon over
     arguments = ("demo", mission, "--in-memory", "--out", "out")
-    assert swarmctl(*arguments, cwd=tmp_path)[0] == 0
+    assert swarmctl(*arguments, cwd=tmp_path)[0] == 3
     code, _, errors = swarmctl(*arguments, cwd=tmp_path)
     assert code == 2
     assert "out" in errors

@@ -52,6 +52,8 @@ def test_table_1_leaves_figures_and_numbers(tmp_path: Path) -> None:
         assert word in done.stdout
 
 
+@pytest.mark.slow
+@pytest.mark.live
 def test_consistency_as_json_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     """Workers in processes of their own, which know nothing of the example but what is sent."""
     pytest.importorskip("distributed")
@@ -83,6 +85,7 @@ def test_consistency_as_json_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     assert away.stdout == here.stdout
 
 
+@pytest.mark.slow
 def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
     """Beside the filters, with what the case asks for; how long it takes is said first."""
     command = ["track", "--runs", "2", "--case", "no-prior"]
@@ -163,6 +166,7 @@ def test_bad_input_is_a_sentence(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_ctrl_c_ends_a_long_study(tmp_path: Path, workers: str) -> None:
     process = subprocess.Popen(

@@ -57,6 +57,7 @@ def snapshot_sigma_m() -> float:
     return math.sqrt(float(np.trace(np.linalg.inv(H.T @ H))) * variance)
 
 
+@pytest.mark.slow
 def test_a_room_with_echoes_is_tracked_from_the_floor_and_honestly() -> None:
     """Defaults, no prior; 15 % of the rows are up to 150 m off, the rest correlated.
 
@@ -92,6 +93,7 @@ def test_who_takes_the_errors_for_white_believes_too_much() -> None:
     assert found.mean_nees > chi2.ppf(0.999, 3 * 8) / 8
 
 
+@pytest.mark.slow
 def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path: Path) -> None:
     """Errors by direction, counted among the correlated ones, and one receiver 1.5 m too far.
 
@@ -167,6 +169,7 @@ def test_a_track_that_is_elsewhere_is_begun_again() -> None:
         assert nees(step.x[:3] - true, step.P[:3, :3]) < chi2.ppf(0.999, 3)
 
 
+@pytest.mark.slow
 def test_a_data_set_that_lies_is_called_so_in_words() -> None:
     """From the middle on one receiver's rows are those of another, or the last ones again."""
     receivers, epochs = ring(1, [np.array([3.0, 4.0, 1.0])] * 200, 0.0)
@@ -235,6 +238,7 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
     assert nees(end.x[:3] - true, end.P[:3, :3]) < chi2.ppf(0.999, 3)
 
 
+@pytest.mark.slow
 def test_all_differences_of_one_signal_tell_no_more_than_its_arrivals() -> None:
     """Every pair, of which all but a star are redundant: as sure as the star alone."""
     rng = np.random.default_rng(4)

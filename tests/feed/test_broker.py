@@ -11,6 +11,8 @@ from swarmctl.errors import FeedError, UsageError
 from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import connect
 
+pytestmark = pytest.mark.live
+
 
 async def test_port_0_is_a_free_port_and_gone_afterwards() -> None:
     async with embedded_broker(port=0) as address:

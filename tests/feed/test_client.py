@@ -21,6 +21,8 @@ from swarmctl.feed.broker import embedded_broker
 from swarmctl.feed.client import BrokerAddress, back_off_s, connect
 from tests.brokers import Embedded, Mosquitto, free_port, needs_mosquitto
 
+pytestmark = pytest.mark.live
+
 Inbox = asyncio.Queue[tuple[str, bytes]]
 
 

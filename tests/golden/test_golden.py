@@ -50,6 +50,7 @@ def test_a_flight_comes_out_as_recorded(flight: GoldenFlight, tmp_path: Path) ->
     assert_same(fly(flight, tmp_path / "flight"), load(flight))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flight", LONG_FLIGHTS, ids=str)
 def test_a_long_flight_comes_out_as_recorded(flight: GoldenFlight, tmp_path: Path) -> None:
     assert_same(fly(flight, tmp_path / "flight"), load(flight))

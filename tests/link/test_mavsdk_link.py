@@ -43,6 +43,8 @@ from swarmctl.link.mavsdk_link import MavsdkLink
 from tests.brokers import free_port
 from tests.link.wire import Sender, unpack
 
+pytestmark = pytest.mark.live
+
 GCS = 245
 SYSIDS = range(1, 9)
 NOW = 50.0

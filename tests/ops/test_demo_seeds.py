@@ -11,6 +11,8 @@ from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.mission.mission_file_loading import load_mission
 from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("demo_seeds")]
+
 DEMO = MISSIONS / "beacon_drift.yaml"
 SEEDS = range(1, 21)
 COLUMNS = (

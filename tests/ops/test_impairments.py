@@ -42,6 +42,7 @@ def changes(states: list[Any]) -> list[Any]:
     return states[:1] + [b for a, b in pairwise(states) if a != b]
 
 
+@pytest.mark.slow
 def test_the_mission_completes_and_each_command_is_executed_once(
     short_mission: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -84,6 +84,7 @@ def test_the_truth_about_poor_receivers_is_in_the_recording(
         assert 0.0 < max(map(abs, truth.navigation_enu)) < 5.0
 
 
+@pytest.mark.slow
 def test_a_swarm_at_one_altitude_keeps_its_distances(short_mission: Short) -> None:
     """Out, round the beacon and home past one another, in wind and by their own navigation."""
     level = [{"sysid": sysid, "altitude_amsl_m": 42} for sysid in (1, 2, 3, 4)]
@@ -92,13 +93,19 @@ def test_a_swarm_at_one_altitude_keeps_its_distances(short_mission: Short) -> No
     assert_within_limits(summary)
 
 
+def formed_up(snapshot: Snapshot) -> bool:
+    """Ends a flight some seconds after the formation was taken up."""
+    return snapshot.elapsed_s > 80.0
+
+
 def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
     short_mission: Short, tmp_path: Path
 ) -> None:
     mission = short_mission()
-    one = fly_in_memory(mission, tmp_path / "one", seed=5)
-    two = fly_in_memory(mission, tmp_path / "two", seed=5)
-    other = fly_in_memory(mission, tmp_path / "other", seed=6)
+    one, two, other = (
+        fly_in_memory(mission, tmp_path / name, seed=seed, until=formed_up)
+        for name, seed in (("one", 5), ("two", 5), ("other", 6))
+    )
     assert without_wall(one) == without_wall(two)
     for name in ("vehicles.tlog", "mission.mcap"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
@@ -161,6 +168,7 @@ def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Sh
         assert one.nis == pytest.approx(other.nis, rel=1e-4, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_lost_reference_is_succeeded_where_receivers_publish_arrival_times(
     short_mission: Short,
 ) -> None:
@@ -202,7 +210,7 @@ def test_garbage_on_both_inputs_harms_nothing(
     short_mission: Short, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mission = short_mission()
-    calm = fly_in_memory(mission, seed=5)
+    calm = fly_in_memory(mission, seed=5, until=formed_up)
     wake = Station.wake
 
     def wake_amid_garbage(station: Station, now: float) -> None:
@@ -215,7 +223,7 @@ def test_garbage_on_both_inputs_harms_nothing(
         wake(station, now)
 
     monkeypatch.setattr(Station, "wake", wake_amid_garbage)
-    stormy = fly_in_memory(mission, seed=5)
+    stormy = fly_in_memory(mission, seed=5, until=formed_up)
     assert stormy.mavlink_rejected > 1000
     assert stormy.feed_rejected > 1000
     same = attrgetter("result", "duration_s", "final_error_m", "final_sigma_m", "setpoints_out")

@@ -19,6 +19,8 @@ from tests.link.endpoints.test_udp import LOOPBACK, Inbox
 from tests.link.test_signing import KEY, receiver
 from tests.link.wire import Sender, unpack
 
+pytestmark = pytest.mark.live
+
 Short = Callable[..., Path]
 
 # The mission gives up after 30 s without its vehicles: three seconds.

@@ -26,6 +26,8 @@ ON_THE_GROUND_M = 3.0
 """The altitude's noise; they fly 50 m and more above the ground."""
 
 
+@pytest.mark.live
+@pytest.mark.slow
 async def test_a_mission_flies_on_mavsdk(short_mission: Short, tmp_path: Path) -> None:
     mission = short_mission(
         swarm__backend="mavsdk", swarm__autopilot="px4", sim__autopilot="px4", goal__sigma_m=30

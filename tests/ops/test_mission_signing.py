@@ -57,6 +57,8 @@ def test_a_mission_with_a_key_flies_in_memory(signed_mission: Short, tmp_path: P
     assert not (tmp_path / "swarm.key.timestamp").exists()
 
 
+@pytest.mark.live
+@pytest.mark.slow
 async def test_a_mission_with_a_key_flies_over_udp(signed_mission: Short, tmp_path: Path) -> None:
     mission = signed_mission()
     async with simulated(mission, speedup=SPEEDUP):

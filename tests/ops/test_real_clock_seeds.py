@@ -13,6 +13,8 @@ from swarmctl.estimation.bounds.consistency import mean_bounds
 from swarmctl.mission.mission_file_loading import load_mission
 from tests.ops.seeds import MISSIONS, Flights, column, fly_seeds
 
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("real_clock_seeds")]
+
 MISSION = MISSIONS / "beacon_real_clocks.yaml"
 SEEDS = range(1, 1 + int(os.environ.get("SEEDS", "3")))
 COLUMNS = (

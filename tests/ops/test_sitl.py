@@ -139,6 +139,8 @@ async def receivers_only(mission: Path, listen: str) -> AsyncIterator[None]:
     assert await process.wait() == 0
 
 
+@pytest.mark.live
+@pytest.mark.slow
 async def test_a_mission_finds_the_emitter_for_vehicles_simulated_elsewhere(
     short_mission: Short, tmp_path: Path
 ) -> None:

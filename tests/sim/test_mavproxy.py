@@ -20,10 +20,13 @@ from tests.sim.flying import ALT, LAT, LON, simulation, vehicle
 
 MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
-pytestmark = pytest.mark.skipif(
-    not MAVPROXY.exists() and shutil.which("mavproxy.py") is None,
-    reason="no mavproxy.py: pip install --no-deps MAVProxy",
-)
+pytestmark = [
+    pytest.mark.live,
+    pytest.mark.skipif(
+        not MAVPROXY.exists() and shutil.which("mavproxy.py") is None,
+        reason="no mavproxy.py: pip install --no-deps MAVProxy",
+    ),
+]
 
 SPEEDUP = 5.0
 PATIENCE_S = 10.0

@@ -16,6 +16,8 @@ from swarmctl.feed.broker import embedded_broker
 from tests.brokers import free_port
 from tests.sim.flying import ALT, LAT, LON, simulation, vehicle
 
+pytestmark = pytest.mark.live
+
 try:
     from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
     from mavsdk.asyncio.plugins.action import ActionAsync, ActionError
@@ -148,6 +150,7 @@ async def fly_mission(system: Any, mission: Any) -> None:  # noqa: ANN401 - MAVS
     assert landed.latitude_deg == pytest.approx(math.degrees(LAT), abs=0.1 * NORTH_DEG)
 
 
+@pytest.mark.slow
 async def test_mavsdk_flies_a_mission_with_px4() -> None:
     async with connected("px4") as system:
         mission = MissionAsync(system)
@@ -160,6 +163,7 @@ async def test_mavsdk_flies_a_mission_with_px4() -> None:
         assert await mission.is_mission_finished()
 
 
+@pytest.mark.slow
 async def test_mavsdk_flies_a_raw_mission_with_ardupilot() -> None:
     """Its other plugin does not know that ArduPilot's item 0 is home."""
     async with connected("ardupilot") as system:

@@ -20,6 +20,8 @@ from swarmctl.feed.schema import TruthMessage
 from tests.brokers import free_port
 from tests.sim.flying import simulation, vehicle
 
+pytestmark = pytest.mark.live
+
 
 class Controller(asyncio.DatagramProtocol):
     """Asks every vehicle it hears for one position stream and counts what comes."""

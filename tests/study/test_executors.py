@@ -105,6 +105,7 @@ def test_one_worker_is_this_process() -> None:
         assert executor is None
 
 
+@pytest.mark.live
 def test_workers_are_other_processes_and_leave_with_the_context() -> None:
     with executing(workers=2) as executor:
         assert executor is not None
@@ -157,6 +158,7 @@ def test_without_dask_the_sentence_says_how_to_install_it(monkeypatch: pytest.Mo
         pass
 
 
+@pytest.mark.live
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The client is given less patience here than it has."""
     distributed = pytest.importorskip("distributed")

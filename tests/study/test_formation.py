@@ -65,6 +65,7 @@ def test_every_number_of_companions_is_a_mission(companions: int) -> None:
     assert mission.formation.design == "optimal"
 
 
+@pytest.mark.slow
 def test_a_flight_ends_when_it_has_converged_and_a_seed_repeats_it() -> None:
     flight = fly_mission(("optimal", 3, 5))
     assert 0.0 < flight.converged_s < 120.0
@@ -73,6 +74,7 @@ def test_a_flight_ends_when_it_has_converged_and_a_seed_repeats_it() -> None:
     assert fly_mission(("optimal", 3, 5)) == flight
 
 
+@pytest.mark.slow
 def test_the_optimal_formation_of_four_is_sooner_than_the_paper_s() -> None:
     """By the Cramér-Rao bound about 26 against 40 s; a handful of missions shows that much."""
     cells = {

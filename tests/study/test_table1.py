@@ -223,6 +223,7 @@ def drawn(
         yield plots.draw_table1(table, out), saved
 
 
+@pytest.mark.slow
 def test_nine_pictures_are_drawn(drawn: tuple[list[Path], list[Figure]]) -> None:
     """Figs. 2-9 and the NEES, none of them blank."""
     paths, _ = drawn
@@ -237,6 +238,7 @@ def test_nine_pictures_are_drawn(drawn: tuple[list[Path], list[Figure]]) -> None
         assert ink > 0.01, path.name
 
 
+@pytest.mark.slow
 def test_a_formation_of_one_s_own_is_in_every_picture(
     drawn: tuple[list[Path], list[Figure]],
 ) -> None:
@@ -258,6 +260,7 @@ def test_a_formation_of_one_s_own_is_in_every_picture(
             assert names == axis_of["x"] + axis_of["y"], title
 
 
+@pytest.mark.slow
 def test_the_curves_are_the_tallies(drawn: tuple[list[Path], list[Figure]], table: Table1) -> None:
     """Of each figure one panel: the user's formation; both bounds beside the deviations."""
     _, saved = drawn

@@ -40,6 +40,7 @@ MEASURED = (
     "silence",
     "one-left",
 )
+QUICK = "silence"
 
 
 def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> TrackRow:
@@ -51,7 +52,10 @@ def fewer(name: str, monkeypatch: pytest.MonkeyPatch) -> TrackRow:
 # --- Accuracy ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", MEASURED)
+@pytest.mark.parametrize(
+    "name",
+    [name if name == QUICK else pytest.param(name, marks=pytest.mark.slow) for name in MEASURED],
+)
 def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     row, case = fewer(name, monkeypatch), CASES[name]
     assert (row.filter, row.runs, row.lost) == (JUDGED, RUNS, 0)
@@ -73,6 +77,7 @@ def test_the_tracker_does_what_it_is_held_to(name: str, monkeypatch: pytest.Monk
     assert len(held) == {"echoes": 5, "line": 1, "no-prior": 2}.get(name, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [None, Turn(3.0, math.pi / 2.0, 1.0)], ids=["straight", "turning"])
 def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
     turn: Turn | None, monkeypatch: pytest.MonkeyPatch
@@ -91,6 +96,7 @@ def test_a_swarm_that_hovers_on_one_line_never_says_that_it_knows_the_side(
         assert measures[f"share resolved at {time_s:g} s"].figure.value == 0.0
 
 
+@pytest.mark.slow
 def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -107,6 +113,7 @@ def test_a_slow_swarm_on_one_line_finds_the_side_once_it_has_flown_far_enough(
     assert measures["share resolved at 45 s"] == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stop-slow", "turn-left-slow"])
 def test_an_emitter_that_manoeuvres_is_followed(name: str) -> None:
     """Five seconds later and on: twice the bound of an emitter that never does. At 10 Hz.
@@ -122,6 +129,7 @@ def test_an_emitter_that_manoeuvres_is_followed(name: str) -> None:
         assert instant.nees.value < 3.0 * mean_bounds(2, runs, PROBABILITY)[1] / 2.0, instant
 
 
+@pytest.mark.slow
 def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
     """With echoes all of them are lost; without them the iterated EKF is where the tracker is.
 
@@ -149,6 +157,7 @@ def test_the_filters_fly_beside_it_on_the_same_draws() -> None:
 # --- What is flown -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_who_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(track_consistency, "CHUNK", 2)
     monkeypatch.setattr(
@@ -168,6 +177,7 @@ def test_the_result_does_not_depend_on_who_flies_it(monkeypatch: pytest.MonkeyPa
     assert list(dict.fromkeys(row.case for row in here)) == list(cases)
 
 
+@pytest.mark.slow
 def test_in_white_noise_the_bound_is_the_constant_velocity_bound() -> None:
     """Of a case with echoes too: the bound is of receivers without them."""
     case = replace(CASES["echoes"], period_s=0.1)

@@ -39,6 +39,7 @@ def bound_at(covariance: Array, errors: ReceiverErrors, until_s: float) -> Array
     return bound.covariance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "echoes"), [("loose", 0.0), ("range-ignorant", 0.0), ("loose", 0.1)]
 )
@@ -127,6 +128,7 @@ def test_a_mirror_image_is_carried_until_a_receiver_leaves_the_line() -> None:
     assert nees((found.x[:2] - emitter), found.P[:2, :2]) < chi2.ppf(0.999, 2)
 
 
+@pytest.mark.slow
 def test_the_noise_of_positions_tells_no_mirror_image() -> None:
     """Else most of the swarms that hover for 12 s are sure of a side, be it the wrong one.
 
@@ -290,6 +292,7 @@ def test_rows_whose_covariance_is_none_are_refused() -> None:
         track.update(copies)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("psd", "epochs"), [(0.01, 420), (1.0, 180)])
 def test_in_minutes_of_an_orbit_with_real_clocks_it_stays_honest(psd: float, epochs: int) -> None:
     """Range and bearing are hardly told from clocks there, and the emitter walks off its line.

@@ -19,6 +19,8 @@ from tests.brokers import free_port
 from tests.link.endpoints.test_udp import Inbox, ignore
 from tests.link.wire import Sender
 
+pytestmark = pytest.mark.live
+
 
 class Server:
     """A TCP server, as SITL and routers are, that can hang up and come back."""

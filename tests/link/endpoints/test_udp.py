@@ -12,6 +12,8 @@ from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl
 
+pytestmark = pytest.mark.live
+
 LOOPBACK = EndpointUrl("udpin", "127.0.0.1", 0)
 
 
