@@ -1,4 +1,4 @@
-"""A flight's record and debrief: opened once flying is possible, closed whatever happens."""
+"""A flight's recording and debrief: opened when the flight can begin, closed in any case."""
 
 from __future__ import annotations
 
