@@ -5,7 +5,7 @@ All are frozen and JSON-encodable, as :mod:`swarmctl.events` says of every recor
 
 from __future__ import annotations
 
-from swarmctl.events import Mode, Record
+from swarmctl.events import CommandKind, Mode, Record
 from swarmctl.units import Vector
 
 
@@ -17,6 +17,11 @@ class Command(Record, frozen=True):
     """
 
     sysid: int
+
+    @property
+    def kind(self) -> CommandKind:
+        """What it does: the name by which its outcome is known."""
+        return CommandKind(type(self).__name__)
 
 
 class Inquiry(Command, frozen=True):

@@ -167,17 +167,33 @@ class StatusText(VehicleObservation, frozen=True):
     text: str
 
 
+class CommandKind(StrEnum):
+    """What a command does; the value is the name of its class in :mod:`swarmctl.commands`."""
+
+    REQUEST_HOME = "RequestHome"
+    REQUEST_VERSION = "RequestVersion"
+    STREAM_TELEMETRY = "StreamTelemetry"
+    READ_PARAMETER = "ReadParameter"
+    WRITE_PARAMETER = "WriteParameter"
+    UPLOAD_FENCE = "UploadFence"
+    SET_MODE = "SetMode"
+    ARM = "Arm"
+    DISARM = "Disarm"
+    TAKE_OFF = "TakeOff"
+    GO_TO = "GoTo"
+
+
 class CommandOutcome(VehicleObservation, frozen=True):
     """The end of a command's exchange, once for every acknowledged command sent.
 
     Attributes:
-        command: Class name of the command, for example ``Arm``.
+        command: The kind of the command.
         result: ``accepted``; ``refused`` (the vehicle said no); ``no_answer`` (every try
             went unanswered).
         detail: What the vehicle said, for a person: the MAV_RESULT's name or the tries made.
     """
 
-    command: str
+    command: CommandKind
     result: Literal["accepted", "refused", "no_answer"]
     detail: str
 

@@ -65,7 +65,7 @@ def design(
 
     requirements = Requirements(
         companions=n,
-        d_max_m=d_max,
+        max_slot_distance_m=d_max,
         separation_m=separation,
         range_m=range_m,
         noise=Noise(sigma_r, sigma_p, rho),

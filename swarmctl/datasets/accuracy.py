@@ -69,7 +69,7 @@ class Judged:
         """What was wrong, for how much of the time, since when, and as a sentence; longest first.
 
         Args:
-            names: Of the receivers, by id.
+            names: The receivers' names, by id.
         """
         found: dict[Cause, list[tuple[float, Verdict]]] = {}
         for step in self._steps:

@@ -17,7 +17,7 @@ class Line:
 
     Attributes:
         path: The file.
-        number: Of the line in it, the header's being 1.
+        number: Number of the line in it; the header is line 1.
         cells: Text by column.
     """
 

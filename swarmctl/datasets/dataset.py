@@ -59,7 +59,7 @@ class Receivers:
 
     Attributes:
         names: In the order of the file; a receiver's id is its place here.
-        paths: Of each.
+        paths: The path of each.
     """
 
     names: tuple[str, ...]

@@ -33,7 +33,7 @@ COLUMNS = (
     "health",
     "cause",
 )
-"""Of ``estimates.csv``. Covariances in m², m²/s and m²/s²; empty while there is no estimate."""
+"""Columns of ``estimates.csv``. Covariances in m², m²/s, m²/s²; empty without an estimate."""
 
 
 def run(
@@ -55,7 +55,7 @@ def run(
         measurements_file: Read while it is tracked.
         truth_file: If the truth is known.
         out: Directory to write to; made if it is not there.
-        name: Of the filter.
+        name: The filter's name.
         settings: What is assumed.
 
     Returns:

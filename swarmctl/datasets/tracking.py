@@ -258,7 +258,7 @@ def _is_one_signal(rows: Rows, rho: float) -> bool:
     """
     own = GATE * math.sqrt(2.0 * (1.0 - 2.0 * min(rho, LARGEST_RHO)))
     limits = own * np.sqrt(np.diagonal(rows.covariance))
-    # Of each receiver: the group that pairs connect it with, and its arrival in there, m.
+    # For each receiver: the group that pairs connect it with, and its arrival in there, m.
     known: dict[int, tuple[int, float]] = {}
     for first, second, rd, limit in zip(rows.first, rows.second, rows.rd, limits, strict=True):
         group, begin = known.setdefault(first, (first, 0.0))

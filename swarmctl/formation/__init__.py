@@ -4,18 +4,17 @@ Pure functions of positions, angles and limits. Frames: ENU, metres; angles thet
 line of sight (LOS), counter-clockwise; LOS angle lambda from East.
 
 ==================  =========================================================================
-``requirements``    what a formation has to satisfy, and the noise it is to overcome
+``requirements``    what a design has to satisfy, and the noise of the range differences
 ``information``     the Fisher information of range differences on the emitter's position
-``objectives``      what a design is judged by, in metres
-``designs``         designs by name
-``optimal``         numerical refinement
-``report``          what a design is worth, compared with the others
-``pictures``        the picture of it
-``book``            designs made before a flight, chosen in flight
-``slots``           from a design to slots in space, and who takes which
-``guidance``        the LOS, and the reference UAV's velocity
+``objectives``      functions that judge designs, in metres
+``designs``         the designs by name: optimal, paper, uniform, regression, worst case
+``design_search``   the numerical search behind the optimal and the worst-case design
+``design_report``   the predicted accuracy of a design, and how the designs compare
+``design_choice``   the designs of a flight, made before it and chosen in it
+``slots``           from a design to slots in space, and which companion takes which
+``guidance``        turning the formation with the LOS; the reference UAV's velocity field
 ``dogleg``          whether to approach at an angle to the LOS for a while
-``constraints``     stand-off, geofence, limits; the judgement of a plan
-``separation``      plans that keep apart
+``flight_limits``   stand-off, geofence, d_max, ceiling: bending velocities, judging a plan
+``separation``      planned velocities that keep the vehicles apart
 ==================  =========================================================================
 """

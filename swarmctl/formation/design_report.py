@@ -1,4 +1,4 @@
-"""What a formation is worth: predicted accuracy, and how the designs compare."""
+"""The predicted accuracy of a formation design, and how the designs compare."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class DesignReport:
     """One design, judged.
 
     Attributes:
-        name: Of the design.
+        name: Name of the design.
         design: (N, 2) of (theta rad, d m).
         slots_m: (N, 2) along and across the line of sight, m.
         sigma_along_m: 1-sigma of an emitter at rest after ``time_s`` at ``rate_hz``, m.
         sigma_cross_m: The same across the line of sight.
-        time_s: How long is measured, s.
-        rate_hz: How often.
+        time_s: Duration of the measurements, s.
+        rate_hz: Rate of the measurements, 1/s.
         objective_m: The objective's value, m; lower is better.
         compared: Objective of every design over that of ``optimal``, by name; >= 1 but for
             designs that do not fit, which are left out.
@@ -46,7 +46,7 @@ class DesignReport:
 
 
 PRIOR = np.diag([400.0, 400.0, 2.0, 2.0]) ** 2
-"""Of the emitter's position (m) and velocity (m/s) before a track is predicted."""
+"""Covariance of the emitter's position (m) and velocity (m/s) before a track is predicted."""
 
 
 def objective_named(
@@ -60,7 +60,7 @@ def objective_named(
         requirements: What is asked for.
         time_s: Length of the track, s.
         rate_hz: Rate of its measurements.
-        speed_mps: Of its approach.
+        speed_mps: Speed of its approach.
 
     Raises:
         FormationError: The name is unknown, or the approach reaches the emitter or has no two
@@ -88,9 +88,9 @@ def report(
     Args:
         requirements: What is asked for.
         objective: What counts.
-        name: Of the design, in :data:`~swarmctl.formation.designs.DESIGNS`.
-        time_s: How long is measured, s, > 0.
-        rate_hz: How often, > 0.
+        name: Name of the design, in :data:`~swarmctl.formation.designs.DESIGNS`.
+        time_s: Duration of the measurements, s, > 0.
+        rate_hz: Rate of the measurements, 1/s, > 0.
 
     Raises:
         FormationError: The design is unknown or does not fit the requirements, or time or rate

@@ -1,4 +1,4 @@
-"""Numerical refinement of formation designs under their constraints."""
+"""The numerical search for the best formation design within the limits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SLACK = 1e-9
 MARGIN = 1e-6
 """Share of the separation a search keeps in hand, so that its result needs no slack."""
 STEP = 1e-5
-"""Of the central differences, in shares of d_max."""
+"""Step of the central differences, as a share of the greatest slot distance."""
 ITERATIONS = 60
 TOLERANCE = 1e-7
 """A search ends when a step changes the objective by less than this share."""
 
 
 def feasible(requirements: Requirements, designs: Array) -> Array:
-    """Whether designs keep d_max and the separation, from each other and from the reference.
+    """Whether designs keep the greatest slot distance, and the separation of all UAVs.
 
     Args:
         requirements: The limits.
@@ -41,7 +41,7 @@ def feasible(requirements: Requirements, designs: Array) -> Array:
     nearest = np.sqrt(np.vecdot(delta, delta).min(axis=-1))
     farthest = designs[..., 1].max(axis=-1)
     kept: Array = (nearest >= requirements.separation_m * (1.0 - SLACK)) & (
-        farthest <= requirements.d_max_m * (1.0 + SLACK)
+        farthest <= requirements.max_slot_distance_m * (1.0 + SLACK)
     )
     return kept
 
@@ -52,7 +52,7 @@ def worst(objective: Objective, designs: Array, offsets_rad: Array) -> Array:
     Args:
         objective: The objective.
         designs: (..., N, 2) of (theta rad, d m).
-        offsets_rad: Of the true line of sight from the designs' one, (M,), rad.
+        offsets_rad: Angles of the true line of sight from the one designed for, (M,), rad.
 
     Returns:
         (...), m.
@@ -68,7 +68,7 @@ def turned(designs: Array, offsets_rad: Array) -> Array:
 
 
 def first_of_best(values: Array) -> int:
-    """Index of the least of (M,) values; of those equal but for rounding the first one's."""
+    """Index of the least of (M,) values; the first of values that are equal but for rounding."""
     return int(np.argmax(values <= values.min() * (1.0 + SLACK)))
 
 
@@ -87,7 +87,7 @@ def refine(
         requirements: The limits.
         objective: What to minimise.
         starts: Feasible designs (N, 2), at least one; of equally good ones the first is taken.
-        offsets_rad: Of the true line of sight from the design's, (M,), rad.
+        offsets_rad: Angles of the true line of sight from the one designed for, (M,), rad.
 
     Returns:
         (N, 2) of (theta rad, d m), theta in (-pi, pi].
@@ -102,7 +102,9 @@ def refine(
 
 
 class _Search:
-    """One problem for scipy's SLSQP: variables z, the slots' coordinates in shares of d_max.
+    """One problem for scipy's SLSQP: the variables z are the slots' coordinates.
+
+    They are shares of the greatest slot distance.
 
     The objective is taken as a logarithm, so that tolerances are shares of it; its greatest
     value over several offsets is minimised as a bound t on all of them, the last variable.
@@ -113,8 +115,10 @@ class _Search:
     ) -> None:
         self.offsets_rad = offsets_rad
         self._objective = objective
-        self._d_max_m = requirements.d_max_m
-        self._separation = requirements.separation_m / requirements.d_max_m * (1.0 + MARGIN)
+        self._reach_m = requirements.max_slot_distance_m
+        self._separation = (
+            requirements.separation_m / requirements.max_slot_distance_m * (1.0 + MARGIN)
+        )
         self._size = 2 * requirements.companions
         # The reference is a UAV, too: the last, at the origin.
         uav = np.eye(self._size + 2)[:, :-2].reshape(-1, 2, self._size)
@@ -124,7 +128,7 @@ class _Search:
 
     def run(self, start: Array) -> Array | None:
         """The design found from a start; None if the objective is not finite there."""
-        z = slots_in_los_frame(start).ravel() / self._d_max_m
+        z = slots_in_los_frame(start).ravel() / self._reach_m
         values = self._values(z)[0]
         if not np.isfinite(values).all():
             return None
@@ -147,7 +151,7 @@ class _Search:
         if not np.isfinite(result.x).all():
             return None
         design = self._designs(result.x[: self._size])
-        design[:, 1] = np.minimum(design[:, 1], self._d_max_m)
+        design[:, 1] = np.minimum(design[:, 1], self._reach_m)
         return design
 
     def _sides(self, z: Array) -> list[tuple[float | None, float | None]]:
@@ -163,7 +167,7 @@ class _Search:
         return bounds
 
     def _designs(self, z: Array) -> Array:
-        slots = z.reshape(*z.shape[:-1], -1, 2) * self._d_max_m
+        slots = z.reshape(*z.shape[:-1], -1, 2) * self._reach_m
         theta = np.arctan2(slots[..., 1], slots[..., 0])
         return np.stack([theta, np.sqrt(np.vecdot(slots, slots))], axis=-1)
 

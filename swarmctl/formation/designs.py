@@ -2,11 +2,12 @@
 
 A design is an array of shape (N, 2), one row (theta rad, d m) per companion: theta from the
 LOS counter-clockwise, d the distance from the reference UAV. Every design keeps d within
-``d_max_m`` and ``separation_m`` between any two slots and between a slot and the reference.
+``max_slot_distance_m``, and ``separation_m`` between any two slots and between a slot and the
+reference.
 
-What a companion tells of the emitter depends on nothing but the bearing from its slot to the
-emitter. So a slot on the axis of the LOS informs the same behind the reference as ahead of it,
-at any range: it is put behind, farther from the emitter, unless the requirements say ``ahead``.
+The information of a companion depends on nothing but the bearing from its slot to the emitter.
+So a slot on the axis of the LOS is worth the same behind the reference as ahead of it, at any
+range: it is put behind, farther from the emitter, unless the requirements say ``ahead``.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ REFINED = 4
 
 
 def uniform(requirements: Requirements, objective: Objective | None = None) -> Array:
-    """The uniform circle of the paper's Remark 2: theta_j = 360° j / N, at d_max.
+    """The uniform circle of the paper's Remark 2: theta_j = 360° j / N, as far out as allowed.
 
     For N = 3 the uniform formation of Table 1: -120°, 0° and 120°. A slot at 0° stays where the
     paper has it, whatever the requirements say of slots ahead: its neighbours are ahead, too.
 
     Args:
         requirements: The limits.
-        objective: Not looked at.
+        objective: Not used.
 
     Returns:
         (N, 2) of (theta rad, d m), theta increasing.
@@ -47,7 +48,7 @@ def uniform(requirements: Requirements, objective: Objective | None = None) -> A
     Raises:
         FormationError: Neighbours on the circle would be nearer than the separation.
     """
-    n, d = requirements.companions, requirements.d_max_m
+    n, d = requirements.companions, requirements.max_slot_distance_m
     design = _circle(n, d)
     if not feasible(requirements, design):
         raise FormationError(
@@ -58,7 +59,7 @@ def uniform(requirements: Requirements, objective: Objective | None = None) -> A
 
 
 def paper(requirements: Requirements, objective: Objective | None = None) -> Array:
-    """The paper's optimal formation: perpendicular to the LOS, as far out as d_max allows.
+    """The paper's optimal formation: perpendicular to the LOS, as far out as allowed.
 
     Eq. (29) for odd N and Eq. (31) for even N: N // 2 companions at +90°, as many at -90°, an
     odd one on the axis. The paper puts several companions at one point; here they are spread
@@ -66,7 +67,7 @@ def paper(requirements: Requirements, objective: Objective | None = None) -> Arr
 
     Args:
         requirements: The limits.
-        objective: Not looked at.
+        objective: Not used.
 
     Returns:
         (N, 2) of (theta rad, d m): the arm at +90°, the arm at -90°, the axis.
@@ -190,14 +191,14 @@ def _fanned_candidates(requirements: Requirements) -> Array:
     The middle stands close behind the reference: near the axis, wherever that points.
     """
     tight = _arms(requirements)
-    end = math.acos(requirements.d_max_m / requirements.range_m)
+    end = math.acos(requirements.max_slot_distance_m / requirements.range_m)
     fan = (end - FAN_RAD, end + FAN_RAD)
     halves = [
         np.concatenate([tight[(n + 1) // 2] + [FAN_RAD, 0.0], tight[n // 2] - [FAN_RAD, 0.0]])
         for n in range(len(tight))
     ]
     fans = [
-        np.column_stack((np.linspace(*fan, n), np.full(n, requirements.d_max_m)))
+        np.column_stack((np.linspace(*fan, n), np.full(n, requirements.max_slot_distance_m)))
         for n in range(len(tight))
     ]
     shapes = (tight, halves, fans)
@@ -233,15 +234,15 @@ def _fitting(requirements: Requirements, designs: list[Array]) -> Array:
 
 
 def _rings(requirements: Requirements) -> tuple[Array, Array]:
-    """Radii of rings a separation apart, from d_max inwards, and the angle between neighbours."""
-    d, separation = requirements.d_max_m, requirements.separation_m
+    """Radii of rings a separation apart, outermost first, and the angles between neighbours."""
+    d, separation = requirements.max_slot_distance_m, requirements.separation_m
     count = min(math.floor(d / separation * (1.0 + SLACK)), requirements.companions)
     radii = d - separation * np.arange(count)
     return radii, 2.0 * np.arcsin(np.minimum(0.5 * separation / radii, 0.5))
 
 
 def _arms(requirements: Requirements, *, perpendicular: bool = False) -> list[Array]:
-    """Slots about the end on the left, spread by the separation: of 0, 1, ... as many as fit.
+    """Arms on the left of 0, 1, ... slots, as many as fit, spread by the separation.
 
     Information falls with the square of the distance s from the axis. On each ring slots stand
     side by side round the ray that touches it (or round 90°); each further slot goes onto the
@@ -279,7 +280,7 @@ def _axis(requirements: Requirements) -> Array:
 
 
 def _even_rings(requirements: Requirements) -> Array | None:
-    """All on rings from d_max inwards, each filled and evenly spaced; None if they do not fit."""
+    """All on rings, the outermost first, each evenly spaced and full; None if they do not fit."""
     left = requirements.companions
     rings = []
     for radius, spacing in zip(*_rings(requirements), strict=True):
@@ -307,6 +308,6 @@ def _wrapped(design: NDArray[np.floating]) -> Array:
 def _does_not_fit(requirements: Requirements, how: str) -> FormationError:
     return FormationError(
         f"{requirements.companions} companions {how}, {requirements.separation_m:g} m apart and"
-        f" from the reference, do not fit within {requirements.d_max_m:g} m of it. Raise"
-        " limits.d_max_m, lower limits.min_separation_m or fly fewer vehicles."
+        f" from the reference, do not fit within {requirements.max_slot_distance_m:g} m of it."
+        " Raise limits.d_max_m, lower limits.min_separation_m or fly fewer vehicles."
     )

@@ -58,12 +58,12 @@ LEAST_APPROACH_S = 20.0
 
 @dataclass(frozen=True)
 class Terms:
-    """What stays the same all flight.
+    """What stays the same for a whole flight.
 
     Attributes:
-        noise: Of the range differences.
+        noise: Noise of the range differences.
         rate_hz: Epochs of range differences a second; their errors are white.
-        acceleration_psd: Of the emitter's motion per axis, m²/s³.
+        acceleration_psd: Spectral density of the emitter's acceleration per axis, m²/s³.
         cruise_mps: Speed of the reference UAV on its way, m/s.
         wanted_m: RMS position error that is wanted, m.
         observe_s: How long the orbit is flown, s.
@@ -80,12 +80,12 @@ class Terms:
 
 
 class Situation(NamedTuple):
-    """What is known now. East and north, m and m/s; the geofence's centre is the origin.
+    """What is known at one instant. East and north, m and m/s; the geofence's centre is the origin.
 
     Attributes:
         reference: Position of the reference UAV, (2,).
         emitter: Estimated position and velocity, (4,).
-        covariance: Of the estimate, (4, 4), positive definite.
+        covariance: Covariance of the estimate, (4, 4), positive definite.
         offsets: Slots of the companions from the reference UAV, (N, 2).
         radius_m: Radius of the orbit.
         orbit_mps: Speed of the reference UAV on it.
@@ -100,11 +100,11 @@ class Situation(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What courses lead to.
+    """What a set of courses leads to.
 
     Attributes:
         times_s: From now, (K,), s.
-        path: Of the reference UAV, (..., K, 2), m.
+        path: Positions of the reference UAV, (..., K, 2), m.
         rms_m: RMS of the position error by the bound, (..., K), m.
     """
 
@@ -124,7 +124,7 @@ def predict(
     Args:
         terms: What stays the same.
         now: What is known.
-        angles_rad: Of the legs, from the LOS counter-clockwise, (...), rad.
+        angles_rad: Angles of the legs from the LOS, counter-clockwise, (...), rad.
         legs_s: How long each is flown, (...), s.
         horizon_s: How far ahead to look, s.
 
@@ -265,7 +265,7 @@ def turned(
     Args:
         velocity: That of the straight approach.
         drift: The part of it that is the emitter's own.
-        course_rad: From the LOS counter-clockwise.
+        course_rad: Angle of the course from the LOS, counter-clockwise, rad.
     """
     east, north = velocity[0] - drift[0], velocity[1] - drift[1]
     c, s = math.cos(course_rad), math.sin(course_rad)

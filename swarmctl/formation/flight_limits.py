@@ -1,4 +1,4 @@
-"""What no command may break: stand-off, geofence, separation, communication range.
+"""The limits that no command may break: stand-off, geofence, separation, d_max and ceiling.
 
 :func:`keep_outside` and :func:`keep_inside` bend a planned velocity before it breaks a circle;
 :func:`violations` judges the planned positions before a command leaves.
@@ -80,12 +80,12 @@ def limit(vector: Vector2, most: float) -> Vector2:
 
 @dataclass(frozen=True)
 class FlightLimits:
-    """The limits a planned formation is judged by; None where one does not apply.
+    """The limits that a planned formation is judged by.
 
     Attributes:
         separation_m: Least 3-D distance between two UAVs.
-        d_max_m: Greatest 3-D distance of a companion from the reference; None before the
-            formation is formed and on the way home.
+        d_max_m: Greatest 3-D distance of a companion from the reference; None while it does not
+            apply, before the formation is formed and on the way home.
         stand_off_m: Least 3-D distance from the estimated emitter.
         fence_radius_m: Greatest horizontal distance from the origin.
         ceiling_m: Greatest up coordinate at the origin, m.
@@ -98,14 +98,14 @@ class FlightLimits:
     ceiling_m: float
 
 
-def violations(positions: Array, reference: int, emitter: Array, bounds: FlightLimits) -> list[str]:
+def violations(positions: Array, reference: int, emitter: Array, limits: FlightLimits) -> list[str]:
     """Everything a set of planned positions would break, as sentences' middles.
 
     Args:
         positions: (n, 3) planned ENU positions of all UAVs, m.
         reference: Row of the reference UAV.
         emitter: (3,) estimated emitter position, m.
-        bounds: The limits.
+        limits: The limits.
 
     Returns:
         One text per broken limit; empty when the plan is good.
@@ -113,23 +113,23 @@ def violations(positions: Array, reference: int, emitter: Array, bounds: FlightL
     found = []
     delta = positions[:, None, :] - positions[None, :, :]
     distance = np.sqrt((delta * delta).sum(axis=2))
-    if bounds.d_max_m is not None:
+    if limits.d_max_m is not None:
         farthest = float(distance[reference].max())
-        if farthest > bounds.d_max_m:
-            found.append(f"a range to the reference of {farthest:.1f} m > {bounds.d_max_m:g} m")
+        if farthest > limits.d_max_m:
+            found.append(f"a range to the reference of {farthest:.1f} m > {limits.d_max_m:g} m")
     np.fill_diagonal(distance, np.inf)
     nearest = float(distance.min())
-    if nearest < bounds.separation_m:
-        found.append(f"a separation of {nearest:.1f} m < {bounds.separation_m:g} m")
+    if nearest < limits.separation_m:
+        found.append(f"a separation of {nearest:.1f} m < {limits.separation_m:g} m")
     to_emitter = float(np.sqrt(((positions - emitter) ** 2).sum(axis=1)).min())
-    if to_emitter < bounds.stand_off_m:
-        found.append(f"a stand-off of {to_emitter:.1f} m < {bounds.stand_off_m:.1f} m")
+    if to_emitter < limits.stand_off_m:
+        found.append(f"a stand-off of {to_emitter:.1f} m < {limits.stand_off_m:.1f} m")
     from_origin = float(np.hypot(positions[:, 0], positions[:, 1]).max())
-    if from_origin > bounds.fence_radius_m:
+    if from_origin > limits.fence_radius_m:
         found.append(
-            f"a distance from the origin of {from_origin:.0f} m > {bounds.fence_radius_m:g} m"
+            f"a distance from the origin of {from_origin:.0f} m > {limits.fence_radius_m:g} m"
         )
     highest = float(positions[:, 2].max())
-    if highest > bounds.ceiling_m:
-        found.append(f"a height of {highest:.1f} m > {bounds.ceiling_m:.1f} m")
+    if highest > limits.ceiling_m:
+        found.append(f"a height of {highest:.1f} m > {limits.ceiling_m:.1f} m")
     return found

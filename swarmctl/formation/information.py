@@ -1,4 +1,4 @@
-"""What range differences tell of the emitter: their Fisher information.
+"""The Fisher information of range differences on the emitter's position.
 
 Frame of this module: the reference UAV at the origin, x along the line of sight (LOS) to the
 emitter, y across it (counter-clockwise), z up. A design is (..., N, 2) of (theta rad, d m):
@@ -56,8 +56,8 @@ def fisher(
     Args:
         design: (..., N, 2) of (theta rad, horizontal distance m).
         range_m: Horizontal distance to the emitter, m.
-        noise: Of the range differences.
-        heights_m: Of the slots above the reference UAV, (..., N), m; 0 if left out.
+        noise: Noise of the range differences.
+        heights_m: Heights of the slots above the reference UAV, (..., N), m; 0 if left out.
         drop_m: Height of the reference UAV above the emitter, m.
 
     Returns:
@@ -86,14 +86,14 @@ def fisher(
 def predicted_accuracy(
     design: Array, range_m: float, noise: Noise, *, time_s: float, rate_hz: float
 ) -> Accuracy:
-    """1-sigma the RDs of some time give of an emitter at rest, from no prior.
+    """1-sigma of an emitter at rest from the RDs of some time, without a prior.
 
     Args:
         design: (..., N, 2) of (theta rad, distance m).
         range_m: Distance to the emitter, m.
-        noise: Of the range differences; white.
-        time_s: How long is measured.
-        rate_hz: How often.
+        noise: Noise of the range differences; white.
+        time_s: Duration of the measurements, s.
+        rate_hz: Rate of the measurements, 1/s.
 
     Returns:
         Infinite where the design does not observe the position.

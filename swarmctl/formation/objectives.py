@@ -1,8 +1,8 @@
-"""What a formation design is judged by: functions from designs to metres, lower is better.
+"""Objectives: functions that judge formation designs, in metres; lower is better.
 
 An objective takes any number of designs (..., N, 2) of (theta rad, d m) in one call and returns
-(...): a search gives it all the candidates of a step at once. It checks nothing of a design;
-``swarmctl.formation.designs`` sees to the constraints.
+(...), so that a search can judge all candidates of a step at once. It does not check a design;
+``swarmctl.formation.designs`` keeps the limits.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def determinant(requirements: Requirements) -> Objective:
     do not observe the position.
 
     Args:
-        requirements: Of which the range and the noise count.
+        requirements: The range and the noise count.
     """
 
     def objective(designs: Array) -> Array:
@@ -47,7 +47,7 @@ def rms(requirements: Requirements) -> Objective:
     observe the position.
 
     Args:
-        requirements: Of which the range and the noise count.
+        requirements: The range and the noise count.
     """
 
     def objective(designs: Array) -> Array:
@@ -69,7 +69,7 @@ class Trajectory(NamedTuple):
         emitter: Its true positions, east and north, (K, 2), m.
         reference: The reference UAV's, (K, 2), m.
         weights: How many epochs of measurements each of these stands for, (K,).
-        prior_covariance: Of the emitter's position and velocity before the first range
+        prior_covariance: Covariance of the emitter's position and velocity before the first range
             differences, positive definite, (4, 4), SI.
     """
 
@@ -126,10 +126,10 @@ def approach(
 
     Args:
         range_m: From the reference UAV to the emitter at the start, m.
-        speed_mps: Of the reference UAV, m/s.
-        duration_s: Of the flight, s.
-        rate_hz: Of the measurements, 1/s.
-        prior_covariance: Of the emitter's position and velocity, (4, 4), SI.
+        speed_mps: Speed of the reference UAV, m/s.
+        duration_s: Length of the flight, s.
+        rate_hz: Rate of the measurements, 1/s.
+        prior_covariance: Covariance of the emitter's position and velocity, (4, 4), SI.
         emitter_velocity: East and north, m/s, constant.
         epochs: How many the flight is thinned to.
 
@@ -170,19 +170,20 @@ def track(requirements: Requirements, trajectory: Trajectory) -> Objective:
     of designs at once.
 
     Args:
-        requirements: Of which N, d_max and the noise count; the range is the trajectory's.
+        requirements: N, the greatest slot distance and the noise count; the range is the
+            trajectory's.
         trajectory: Who is where.
 
     Raises:
-        FormationError: The emitter comes within d_max of the reference UAV, the epochs do not
-            increase, a shape is wrong or the prior not positive definite.
+        FormationError: The emitter comes within the greatest slot distance of the reference UAV,
+            the epochs do not increase, a shape is wrong or the prior not positive definite.
     """
     ages, sight = _require_trajectory(trajectory)
     ranges = np.sqrt(np.vecdot(sight, sight))
-    if ranges.min() <= requirements.d_max_m:
+    if ranges.min() <= requirements.max_slot_distance_m:
         raise FormationError(
-            f"The emitter comes within {ranges.min():g} m of the reference UAV; d_max,"
-            f" {requirements.d_max_m:g} m, must be less."
+            f"The emitter comes within {ranges.min():g} m of the reference UAV; the greatest"
+            f" slot distance, {requirements.max_slot_distance_m:g} m, must be less."
         )
     phi = transition(ages[0], 2)
     prior = phi.T @ np.linalg.inv(trajectory.prior_covariance) @ phi
@@ -238,7 +239,8 @@ def _determinant(F: Array) -> Array:
 
 
 def _observed(F: Array) -> NDArray[np.bool_]:
-    # Of the two products' size, so that rounding does not pass for information.
+    # Compared with the product it is a difference of, so that rounding does not pass for
+    # information.
     observed: NDArray[np.bool_] = _determinant(F) > 1e-12 * F[..., 0, 0] * F[..., 1, 1]
     return observed
 

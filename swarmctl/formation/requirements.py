@@ -1,4 +1,4 @@
-"""What a formation has to satisfy, and the noise it is to overcome."""
+"""What a formation design has to satisfy, and the noise of the range differences."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class Noise:
 
 @dataclass(frozen=True)
 class Requirements:
-    """What a design is asked for.
+    """What a design has to satisfy.
 
     Attributes:
         companions: N, at least 1.
-        d_max_m: Greatest distance of a slot from the reference UAV, m.
+        max_slot_distance_m: Greatest distance of a slot from the reference UAV, m.
         separation_m: Least distance between two slots, and of a slot from the reference, m.
-        range_m: From the reference UAV to the emitter, m, beyond d_max_m.
-        noise: Of the range differences.
+        range_m: From the reference UAV to the emitter, m; more than ``max_slot_distance_m``.
+        noise: The noise of the range differences.
         ahead: Whether slots on the axis stand ahead of the reference instead of behind it.
         sector_rad: Half width of the sector the line of sight may lie in, rad; only the
             worst-case design looks at it.
@@ -60,7 +60,7 @@ class Requirements:
     """
 
     companions: int
-    d_max_m: float
+    max_slot_distance_m: float
     separation_m: float
     range_m: float
     noise: Noise = Noise()
@@ -72,15 +72,16 @@ class Requirements:
             raise FormationError(
                 f"A formation needs at least one companion, not {self.companions}."
             )
-        if not 0.0 < self.separation_m <= self.d_max_m < math.inf:
+        if not 0.0 < self.separation_m <= self.max_slot_distance_m < math.inf:
             raise FormationError(
                 f"The minimum separation, {self.separation_m:g} m, must be above 0 and not above"
-                f" d_max, {self.d_max_m:g} m."
+                f" the greatest slot distance, {self.max_slot_distance_m:g} m."
             )
-        if not self.d_max_m < self.range_m < math.inf:
+        if not self.max_slot_distance_m < self.range_m < math.inf:
             raise FormationError(
-                f"The range to the emitter, {self.range_m:g} m, must be above d_max,"
-                f" {self.d_max_m:g} m: the emitter would be inside the formation."
+                f"The range to the emitter, {self.range_m:g} m, must be above the"
+                f" greatest slot distance, {self.max_slot_distance_m:g} m: the emitter would be"
+                " inside the formation."
             )
         if not 0.0 <= self.sector_rad < math.pi / 2.0:
             raise FormationError(

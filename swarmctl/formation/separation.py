@@ -30,12 +30,12 @@ velocity need not be good for the pair.
 **Proof.** Half-spaces of many pairs may contradict each other, and a vehicle can accelerate only
 so much. What is certain is braking: *if from now on every vehicle braked to rest along its own
 course, no pair would come nearer than D*. That property is kept: the bent velocities are planned
-only if it holds after them, evaluated by the same sums as the plan itself. Of a pair for which it
-fails, the one that helps more mixes in braking, step by step, until it holds. All braking is what
-the period before has shown to be good, so the search ends: by induction the plan never comes nearer
-than D, if it began at rest and apart. A pair that is nearer already (one just taken in again, say)
-comes no nearer than by braking. Between two periods a pair with relative speed w may be nearer by
-(w dt)^2 / 8D.
+only if it holds after them, evaluated by the same sums as the plan itself. Where it fails for a
+pair, the vehicle that helps more mixes in braking, step by step, until it holds. All braking is
+what the period before has shown to be good, so the search ends: by induction the plan never comes
+nearer than D, if it began at rest and apart. A pair that is nearer already (one just taken in
+again, say) comes no nearer than by braking. Between two periods a pair with relative speed w may be
+nearer by (w dt)^2 / 8D.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ SETTLED_MPS = 1e-3
 
 @dataclass(frozen=True)
 class SpeedBound:
-    """How fast one vehicle may go one way.
+    """A limit of how fast one vehicle may fly in one direction.
 
     Attributes:
         vehicle: Its row; it must have a weight above zero.
@@ -91,7 +91,7 @@ def least_distances(heights_m: Sequence[float], separation_m: float, margin_m: f
     """Horizontal distances that keep vehicles at constant heights apart.
 
     Args:
-        heights_m: Of the n vehicles, m.
+        heights_m: Heights of the n vehicles, m.
         separation_m: Least 3-D distance of two vehicles, m.
         margin_m: What wind and lag may take of a planned horizontal distance, m.
 
@@ -111,7 +111,7 @@ def slot_separation(heights_m: Sequence[float], separation_m: float, margin_m: f
     """Distance of slots at which :func:`separate` leaves the vehicles in them alone, m.
 
     Args:
-        heights_m: Of the n vehicles, m.
+        heights_m: Heights of the n vehicles, m.
         separation_m: Least 3-D distance of two vehicles, m.
         margin_m: As for :func:`least_distances`.
 

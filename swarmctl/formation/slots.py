@@ -1,4 +1,4 @@
-"""From a design to slots in space, and who takes which."""
+"""From a design to slots in space, and which companion takes which."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class CommandExchange:
         serves both. Over a bad radio the queue would otherwise grow without end.
         """
         under_way = () if self._stage is _Stage.NOTHING else (self._request,)
-        alike = [r for r in (*under_way, *self._queue) if r.name == request.name]
+        alike = [r for r in (*under_way, *self._queue) if r.kind is request.kind]
         if alike and alike[-1].steps == request.steps:
             return
         self._queue.append(request)
@@ -286,7 +286,7 @@ class CommandExchange:
             CommandOutcome(
                 received_s=now,
                 sysid=self._sysid,
-                command=self._request.name,
+                command=self._request.kind,
                 result=result,
                 detail=detail,
             )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from swarmctl.events import Heartbeat, LandedState
+from swarmctl.events import CommandKind, Heartbeat, LandedState
 from swarmctl.link.codec.messages import CommandLong, DataStream
 
 State = Heartbeat | LandedState
@@ -16,7 +16,7 @@ class Request(msgspec.Struct, frozen=True):
     """A command as its autopilot wants to be asked.
 
     Attributes:
-        name: Class name of the command.
+        kind: The kind of the command.
         steps: What to send; each step is acknowledged before the next leaves.
         shown_by: Whether a state heard after the last step left shows the command done; None if
             no state shows it.
@@ -27,7 +27,7 @@ class Request(msgspec.Struct, frozen=True):
             refusal ends the request.
     """
 
-    name: str
+    kind: CommandKind
     steps: tuple[CommandLong, ...]
     shown_by: Callable[[State], bool] | None = None
     needs_state: bool = False

@@ -13,7 +13,7 @@ from enum import Enum, auto
 from typing import Literal
 
 from swarmctl.commands import UploadFence
-from swarmctl.events import CommandOutcome
+from swarmctl.events import CommandKind, CommandOutcome
 from swarmctl.link.codec.messages import (
     AskForItem,
     AskForPlan,
@@ -174,7 +174,7 @@ class FenceExchange:
             CommandOutcome(
                 received_s=now,
                 sysid=self._sysid,
-                command="UploadFence",
+                command=CommandKind.UPLOAD_FENCE,
                 result=result,
                 detail=detail,
             )

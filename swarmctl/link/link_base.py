@@ -176,7 +176,7 @@ class LinkBase(VehicleLink, ABC, Generic[SessionType]):
             CommandOutcome(
                 received_s=now,
                 sysid=command.sysid,
-                command=type(command).__name__,
+                command=command.kind,
                 result=result,
                 detail=detail,
             )

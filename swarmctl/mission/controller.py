@@ -101,7 +101,7 @@ class Controller:
         self._launch: Launch | None = None
         self._landing: Landing | None = None
         self._custody = Custody(self.fleet)
-        self._failed_on_ground: Failure | None = None
+        self._broken_off_on_ground: Trigger | None = None
         self._planned: PlannedMotion | None = None
         self._worst_error_m = 0.0
         self._is_track_doubted = False
@@ -125,8 +125,11 @@ class Controller:
             case ArrivalTime():
                 self.observer.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
-                self._fail(
-                    Failure(MissionResult.CANCELLED, "the operator asked for the return home"), now
+                self._break_off(
+                    Trigger.CALLED_HOME,
+                    MissionResult.CANCELLED,
+                    "the operator asked for the return home",
+                    now,
                 )
             case FeedConnection(connected=connected):
                 text = "the broker is back" if connected else "the broker is lost; reconnecting"
@@ -227,22 +230,26 @@ class Controller:
         self._enter(next_phase(self.phase, trigger), str(trigger), reason, now)
 
     def _fail(self, failure: Failure, now: float) -> None:
-        if not can(self.phase, Trigger.FAILED):
-            self._say(now, "warning", f"{failure.detail} (already {self.phase})")
+        self._break_off(Trigger.FAILED, failure.result, failure.detail, now)
+
+    def _break_off(self, trigger: Trigger, result: MissionResult, detail: str, now: float) -> None:
+        """End the mission early: on the ground at once, in the air by way of the return."""
+        if not can(self.phase, trigger):
+            self._say(now, "warning", f"{detail} (already {self.phase})")
             return
-        if self._failed_on_ground is not None:
+        if self._broken_off_on_ground is not None:
             return
-        self._result = (failure.result, failure.detail)
+        self._result = (result, detail)
         airborne = self.phase not in {Phase.WAITING, Phase.CHECKING}
         action = "bringing the swarm home" if airborne else "nothing has left the ground"
-        self._say(now, "error", f"{failure.detail}; {action}")
+        self._say(now, "error", f"{detail}; {action}")
         if not airborne:
-            self._failed_on_ground = failure
+            self._broken_off_on_ground = trigger
             self._prepare(now)
             return
         if self.phase not in FLYING_FORMATION:
             self._begin_plan(now)
-        self._move(Trigger.FAILED, failure.detail, now)
+        self._move(trigger, detail, now)
 
     def _restored(self, now: float) -> bool:
         """Give the vehicles their own parameters back; whether that has come to its end."""
@@ -265,10 +272,9 @@ class Controller:
 
     def _prepare(self, now: float) -> None:
         preflight = self._preflight
-        failed = self._failed_on_ground
-        if failed is not None:
+        if self._broken_off_on_ground is not None:
             if self._restored(now):
-                self._move(Trigger.FAILED, failed.detail, now)
+                self._move(self._broken_off_on_ground, self._result[1], now)
                 self._end(now)
             return
         self._commands += preflight.step(now)

@@ -65,11 +65,11 @@ class FormationInFlight:
             mission.limits.min_separation_m,
             mission.formation.separation_margin_m,
         )
-        self._books: dict[int, DesignChoice] = {}
+        self._choices: dict[int, DesignChoice] = {}
         self._range_m = math.inf
         # The design for an unsure line of sight takes long to make: now, not in flight.
-        self._book.choose(self._range_m, math.pi)
-        self._design = self._book.choose(self._range_m, 0.0)
+        self._choice.choose(self._range_m, math.pi)
+        self._design = self._choice.choose(self._range_m, 0.0)
         # In the LOS frame, along and across: where the slots are, where they move to, how fast.
         self._goals = self._slots = slots_in_los_frame(self._design)
         self._morphing = np.zeros_like(self._slots)
@@ -80,16 +80,16 @@ class FormationInFlight:
         return [self.reference, *self.members]
 
     @property
-    def _book(self) -> DesignChoice:
-        """The designs for as many companions as there are now."""
+    def _choice(self) -> DesignChoice:
+        """The designs for the present number of companions."""
         count = len(self.members)
-        if count not in self._books:
+        if count not in self._choices:
             mission = self._mission
             limits, formation = mission.limits, mission.formation
             radius = limits.stand_off_m + formation.stand_off_margin_m
             first = max(radius, FIRST_RANGE * self.d_m)
             expected = expected_enu(mission)
-            self._books[count] = DesignChoice(
+            self._choices[count] = DesignChoice(
                 lambda range_m: self._make(formation.design, count, range_m),
                 # Only the optimal formation bets on the line of sight.
                 lambda range_m: self._make(
@@ -102,13 +102,13 @@ class FormationInFlight:
                 nearest_m=radius,
                 stand_off_m=limits.stand_off_m + 0.5 * formation.stand_off_margin_m,
             )
-        return self._books[count]
+        return self._choices[count]
 
     def _make(self, name: str, count: int, range_m: float) -> Array:
         formation = self._mission.formation
         requirements = Requirements(
             companions=count,
-            d_max_m=self.d_m,
+            max_slot_distance_m=self.d_m,
             separation_m=self._separation_m,
             range_m=range_m,
             noise=Noise(formation.sigma_rd_m, self._mission.filter.sigma_p_m, formation.rho),
@@ -118,7 +118,7 @@ class FormationInFlight:
     @property
     def orbit_m(self) -> float:
         """Nearest the reference UAV may come to the emitter, m."""
-        return self._book.orbit_m
+        return self._choice.orbit_m
 
     def begin(self, positions: Array, emitter: Array) -> None:
         """Share out the slots anew.
@@ -134,7 +134,7 @@ class FormationInFlight:
         east, north = (emitter - reference).tolist()
         self.los = LineOfSight(math.atan2(north, east), 0.0)
         self._range_m = math.hypot(east, north)
-        self._design = self._book.choose(self._range_m, 0.0)
+        self._design = self._choice.choose(self._range_m, 0.0)
         self._share_out(_turned(positions[self.members] - reference, -self.los.angle_rad))
         self._slots = self._goals
         self._morphing = np.zeros_like(self._slots)
@@ -153,7 +153,7 @@ class FormationInFlight:
         """Follow the line of sight, and choose the design for what is known now.
 
         Args:
-            bearing_rad: Of the estimate from the reference UAV, rad from East.
+            bearing_rad: Direction of the estimate from the reference UAV, rad from East.
             rate_rads: Its geometric rate, rad/s.
             range_m: To the estimate, m.
             los_sigma_rad: 1-sigma of the bearing, rad.
@@ -166,7 +166,7 @@ class FormationInFlight:
             self.los = LineOfSight(wrap_angle(self.los.angle_rad + math.pi), self.los.rate_rads)
             self._slots, self._morphing = -self._slots, -self._morphing
             self._share_out(self._slots)
-        design = self._book.choose(range_m, los_sigma_rad)
+        design = self._choice.choose(range_m, los_sigma_rad)
         if redesign and design is not self._design:
             self._design = design
             # From slot to slot, not from where wind and noise have put the vehicles.
@@ -258,7 +258,7 @@ class FormationInFlight:
         self.members = [i for i in candidates if i != successor]
 
     def _choose_anew(self, slots: Array) -> None:
-        self._design = self._book.choose(self._range_m, 0.0)
+        self._design = self._choice.choose(self._range_m, 0.0)
         self._slots = slots
         self._morphing = np.zeros_like(slots)
         self._share_out(slots)

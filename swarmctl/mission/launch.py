@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from swarmctl.commands import Arm, Command, GoTo, SetMode, TakeOff
-from swarmctl.events import CommandOutcome, Mode, VehiclePosition
+from swarmctl.events import CommandKind, CommandOutcome, Mode, VehiclePosition
 from swarmctl.mission.failure import Failure
 from swarmctl.mission.fleet import VehicleState
 from swarmctl.results import MissionResult
@@ -38,7 +38,11 @@ _REFUSED = {
     Step.ARM: (MissionResult.ARMING_REFUSED, "arm"),
     Step.TAKE_OFF: (MissionResult.TAKE_OFF_REFUSED, "take off"),
 }
-_COMMAND_OF = {Step.MODE: "SetMode", Step.ARM: "Arm", Step.TAKE_OFF: "TakeOff"}
+_COMMAND_OF = {
+    Step.MODE: CommandKind.SET_MODE,
+    Step.ARM: CommandKind.ARM,
+    Step.TAKE_OFF: CommandKind.TAKE_OFF,
+}
 
 
 class Launch:
@@ -90,7 +94,7 @@ class Launch:
     def outcome(self, event: CommandOutcome, now: float) -> list[Command]:
         """Take the end of a command's exchange; returns the next command."""
         step = self._steps.get(event.sysid)
-        if step is None or _COMMAND_OF.get(step) != event.command or self.failure is not None:
+        if step is None or _COMMAND_OF.get(step) is not event.command or self.failure is not None:
             return []
         if event.result != "accepted":
             name, verb = _REFUSED[step]

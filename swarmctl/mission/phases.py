@@ -1,8 +1,8 @@
 """The phases of a mission as a transition table, and the diagram drawn from it.
 
 Two rules: a phase changes only through :func:`next_phase`, and what a phase does is decided by
-the phase alone. Failures on the ground end the mission; failures in the air bring the swarm
-home first.
+the phase alone. A failure or the operator's wish to return ends the mission: on the ground at
+once, in the air after the swarm has come home.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ class Trigger(StrEnum):
     AT_RADIUS = "stand-off circle reached"
     OBSERVED = "observation complete"
     FAILED = "something failed"
+    CALLED_HOME = "operator asked for the return"
     HOME = "every vehicle above its launch point"
     LANDED = "every vehicle disarmed"
 
@@ -41,16 +42,22 @@ class Trigger(StrEnum):
 TRANSITIONS: dict[tuple[Phase, Trigger], Phase] = {
     (Phase.WAITING, Trigger.HEARD): Phase.CHECKING,
     (Phase.WAITING, Trigger.FAILED): Phase.ENDED,
+    (Phase.WAITING, Trigger.CALLED_HOME): Phase.ENDED,
     (Phase.CHECKING, Trigger.CHECKED): Phase.LAUNCHING,
     (Phase.CHECKING, Trigger.FAILED): Phase.ENDED,
+    (Phase.CHECKING, Trigger.CALLED_HOME): Phase.ENDED,
     (Phase.LAUNCHING, Trigger.AIRBORNE): Phase.FORMING,
     (Phase.LAUNCHING, Trigger.FAILED): Phase.RETURNING,
+    (Phase.LAUNCHING, Trigger.CALLED_HOME): Phase.RETURNING,
     (Phase.FORMING, Trigger.FORMED): Phase.APPROACHING,
     (Phase.FORMING, Trigger.FAILED): Phase.RETURNING,
+    (Phase.FORMING, Trigger.CALLED_HOME): Phase.RETURNING,
     (Phase.APPROACHING, Trigger.AT_RADIUS): Phase.ORBITING,
     (Phase.APPROACHING, Trigger.FAILED): Phase.RETURNING,
+    (Phase.APPROACHING, Trigger.CALLED_HOME): Phase.RETURNING,
     (Phase.ORBITING, Trigger.OBSERVED): Phase.RETURNING,
     (Phase.ORBITING, Trigger.FAILED): Phase.RETURNING,
+    (Phase.ORBITING, Trigger.CALLED_HOME): Phase.RETURNING,
     (Phase.RETURNING, Trigger.HOME): Phase.LANDING,
     (Phase.LANDING, Trigger.LANDED): Phase.ENDED,
 }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from swarmctl.commands import Command, RequestHome, RequestVersion, StreamTelemetry, UploadFence
-from swarmctl.events import CommandOutcome
+from swarmctl.events import CommandKind, CommandOutcome
 from swarmctl.formation.separation import least_distances
 from swarmctl.mission.failsafes.session import FailsafeSession
 from swarmctl.mission.failure import Failure
@@ -42,8 +42,8 @@ CLOCK_TOLERANCE = 0.2
 def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
     """Seconds of vehicle time in one second of the controller's.
 
-    Of its two times, UTC and time since boot, the one that is further off counts: the first
-    dates its positions, the second is the time that it flies in.
+    A vehicle has two times, UTC and time since boot; the one that is further off counts. The
+    first dates its positions, the second is the time that it flies in.
 
     Args:
         vehicle: The vehicle.
@@ -302,7 +302,7 @@ class Preflight:
 
     def outcome(self, event: CommandOutcome) -> None:
         """Take the end of a command's exchange."""
-        if event.command == "UploadFence":
+        if event.command is CommandKind.UPLOAD_FENCE:
             self._fence[event.sysid] = event
 
     def _is_fenced(self, vehicle: VehicleState) -> bool:

@@ -41,7 +41,7 @@ def draw_design(report: DesignReport, requirements: Requirements, path: Path) ->
     angles = np.linspace(-math.pi, math.pi, _STEPS)
     if len(report.design) >= 2:
         designs = np.broadcast_to(report.design, (_STEPS, _STEPS, *report.design.shape)).copy()
-        designs[:, :, :2, 1] = requirements.d_max_m
+        designs[:, :, :2, 1] = requirements.max_slot_distance_m
         designs[:, :, 0, 0], designs[:, :, 1, 0] = np.meshgrid(angles, angles)
         index = exact_independent(designs, requirements.range_m, requirements.noise)
         information = np.linalg.det(fisher(designs, requirements.range_m, requirements.noise))
@@ -54,12 +54,12 @@ def draw_design(report: DesignReport, requirements: Requirements, path: Path) ->
 
 
 def _slots(axes: Axes, report: DesignReport, requirements: Requirements) -> None:
-    axes.plot(*_circle(requirements.d_max_m), color="#8b949e", lw=0.8, label="d_max")
+    axes.plot(*_circle(requirements.max_slot_distance_m), color="#8b949e", lw=0.8, label="d_max")
     axes.plot(0.0, 0.0, "o", color="#22272e", label="reference UAV")
     axes.plot(*report.slots_m.T, "^", color="#0072b2", ms=8, label="companions")
     for j, (along, cross) in enumerate(report.slots_m.tolist(), start=1):
         axes.annotate(str(j), (along, cross), textcoords="offset points", xytext=(6, 5))
-    d = requirements.d_max_m
+    d = requirements.max_slot_distance_m
     axes.annotate(
         "emitter", (1.35 * d, 0.0), (0.55 * d, 0.0), arrowprops={"arrowstyle": "->"}, va="center"
     )

@@ -97,7 +97,7 @@ def test_a_table_and_a_picture(tmp_path: Path) -> None:
     ("arguments", "code", "sentence"),
     [
         (["--n", "0"], 2, "A formation needs at least one companion, not 0."),
-        (["--d-max", "5"], 2, "The minimum separation, 10 m, must be above 0 and not above d_max"),
+        (["--d-max", "5"], 2, "The minimum separation, 10 m, must be above 0 and not above"),
         (["--range", "200"], 2, "the emitter would be inside the formation"),
         (["--design", "square"], 2, "There is no design 'square'; there are uniform, paper,"),
         (["--rho", "1"], 2, "rho must be at least 0 and below 1; it is 1."),

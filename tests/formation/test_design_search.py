@@ -27,7 +27,7 @@ def scattered(wanted: Requirements, seed: int) -> Array:
     rng = np.random.default_rng(seed)
     while True:
         theta = rng.uniform(-math.pi, math.pi, wanted.companions)
-        d = rng.uniform(wanted.separation_m, wanted.d_max_m, wanted.companions)
+        d = rng.uniform(wanted.separation_m, wanted.max_slot_distance_m, wanted.companions)
         design = np.column_stack((theta, d))
         if feasible(wanted, design):
             return design

@@ -238,5 +238,8 @@ def test_what_is_no_trajectory_is_refused() -> None:
         track(requirements, good._replace(epochs_s=good.epochs_s[::-1]))
     with pytest.raises(FormationError, match="positive definite"):
         track(requirements, good._replace(prior_covariance=np.diag([1.0, 1.0, 1.0, 0.0])))
-    with pytest.raises(FormationError, match="comes within 230 m of the reference UAV; d_max, 300"):
+    with pytest.raises(
+        FormationError,
+        match="comes within 230 m of the reference UAV; the greatest slot distance, 300",
+    ):
         track(requirements, approach(5000.0, 265.0, 18.0, 50.0, PRIOR))

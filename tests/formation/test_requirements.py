@@ -13,7 +13,7 @@ from swarmctl.formation.requirements import Noise, Requirements
 
 GOOD: dict[str, Any] = {
     "companions": 3,
-    "d_max_m": 300.0,
+    "max_slot_distance_m": 300.0,
     "separation_m": 10.0,
     "range_m": 5000.0,
 }
@@ -79,19 +79,24 @@ def test_what_is_just_possible_is_accepted(changed: dict[str, Any]) -> None:
         ({"companions": 0}, "A formation needs at least one companion, not 0."),
         (
             {"separation_m": 0.0},
-            "The minimum separation, 0 m, must be above 0 and not above d_max, 300 m.",
+            "The minimum separation, 0 m, must be above 0 and not above the greatest slot"
+            " distance, 300 m.",
         ),
         (
             {"separation_m": 301.0},
-            "The minimum separation, 301 m, must be above 0 and not above d_max, 300 m.",
+            "The minimum separation, 301 m, must be above 0 and not above the greatest slot"
+            " distance, 300 m.",
         ),
-        ({"separation_m": math.nan}, "must be above 0 and not above d_max, 300 m."),
-        ({"d_max_m": math.nan}, "must be above 0 and not above d_max, nan m."),
-        ({"d_max_m": math.inf, "range_m": math.inf}, "not above d_max, inf m."),
+        ({"separation_m": math.nan}, "not above the greatest slot distance, 300 m."),
+        ({"max_slot_distance_m": math.nan}, "not above the greatest slot distance, nan m."),
+        (
+            {"max_slot_distance_m": math.inf, "range_m": math.inf},
+            "not above the greatest slot distance, inf m.",
+        ),
         (
             {"range_m": 300.0},
-            "The range to the emitter, 300 m, must be above d_max, 300 m: the emitter would be"
-            " inside the formation.",
+            "The range to the emitter, 300 m, must be above the greatest slot distance,"
+            " 300 m: the emitter would be inside the formation.",
         ),
         ({"range_m": math.nan}, "the emitter would be inside the formation."),
         ({"range_m": math.inf}, "the emitter would be inside the formation."),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.events import CommandOutcome, Heartbeat, LandedState, Mode
+from swarmctl.events import CommandKind, CommandOutcome, Heartbeat, LandedState, Mode
 from swarmctl.link.codec.messages import CommandAck, CommandLong, MavCmd
 from swarmctl.link.command_protocol import CommandExchange
 from swarmctl.link.command_request import Attempt, Request, State
@@ -23,10 +23,10 @@ def shows_airborne(state: State) -> bool:
     return isinstance(state, LandedState) and state.state == "taking_off"
 
 
-REQUEST_HOME = Request("RequestHome", (ASK,))
-REQUEST_ARM = Request("Arm", (ARM,), shows_armed, needs_state=True)
-REQUEST_TAKE_OFF = Request("TakeOff", (TAKE_OFF,), shows_airborne)
-REQUEST_STREAMS = Request("StreamTelemetry", INTERVALS)
+REQUEST_HOME = Request(CommandKind.REQUEST_HOME, (ASK,))
+REQUEST_ARM = Request(CommandKind.ARM, (ARM,), shows_armed, needs_state=True)
+REQUEST_TAKE_OFF = Request(CommandKind.TAKE_OFF, (TAKE_OFF,), shows_airborne)
+REQUEST_STREAMS = Request(CommandKind.STREAM_TELEMETRY, INTERVALS)
 
 
 class Bench:

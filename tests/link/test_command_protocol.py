@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from swarmctl.events import CommandOutcome
+from swarmctl.events import CommandKind, CommandOutcome
 from swarmctl.link.codec.messages import CommandLong, DataStream, MavCmd
 from swarmctl.link.command_request import Attempt, Request
 from tests.link.exchange_bench import (
@@ -37,7 +37,11 @@ def test_an_accepted_command_ends_at_once_and_leaves_no_timer(bench: Bench) -> N
     bench.ack(MavCmd.REQUEST_MESSAGE)
     assert bench.outcomes == [
         CommandOutcome(
-            received_s=100.25, sysid=3, command="RequestHome", result="accepted", detail="ACCEPTED"
+            received_s=100.25,
+            sysid=3,
+            command=CommandKind.REQUEST_HOME,
+            result="accepted",
+            detail="ACCEPTED",
         )
     ]
     assert bench.exchange.next_timer() == math.inf
@@ -171,7 +175,7 @@ POSITION, STATUS = DataStream(6, 10), DataStream(2, 1)
 def test_a_refused_step_that_has_another_way_goes_it_and_the_others_are_asked_for_still(
     bench: Bench,
 ) -> None:
-    bench.submit(Request("StreamTelemetry", INTERVALS, instead=(POSITION, None, STATUS)))
+    bench.submit(Request(CommandKind.STREAM_TELEMETRY, INTERVALS, instead=(POSITION, None, STATUS)))
     bench.ack(MavCmd.SET_MESSAGE_INTERVAL, "UNSUPPORTED")
     bench.ack(MavCmd.SET_MESSAGE_INTERVAL, "DENIED")
     bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
@@ -185,7 +189,7 @@ def test_a_refused_step_that_has_another_way_goes_it_and_the_others_are_asked_fo
 
 
 def test_steps_that_are_not_answered_all_go_the_other_way_at_once(bench: Bench) -> None:
-    bench.submit(Request("StreamTelemetry", INTERVALS, instead=(POSITION, None, STATUS)))
+    bench.submit(Request(CommandKind.STREAM_TELEMETRY, INTERVALS, instead=(POSITION, None, STATUS)))
     bench.wait(60.0)
     asked = [attempt.command for _, attempt in bench.sent]
     assert asked == [INTERVALS[0]] * 8 + [POSITION, STATUS]
@@ -278,8 +282,8 @@ def test_a_request_that_is_repeated_while_it_waits_or_is_under_way_is_sent_once(
 
 def test_the_last_wish_counts_when_another_of_its_kind_came_between(bench: Bench) -> None:
     """Guided, land, guided: the third is no repetition of the first."""
-    guided = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 4.0)),))
-    land = Request("SetMode", (CommandLong(MavCmd.DO_SET_MODE, (1.0, 9.0)),))
+    guided = Request(CommandKind.SET_MODE, (CommandLong(MavCmd.DO_SET_MODE, (1.0, 4.0)),))
+    land = Request(CommandKind.SET_MODE, (CommandLong(MavCmd.DO_SET_MODE, (1.0, 9.0)),))
     bench.submit(guided, land, guided)
     for _ in range(3):
         bench.ack(MavCmd.DO_SET_MODE)
@@ -320,7 +324,7 @@ def test_optional_steps_come_last_and_may_be_refused_or_unanswered(
     bench: Bench, answer: str | None
 ) -> None:
     first, second, third = INTERVALS
-    bench.submit(Request("StreamTelemetry", (first,), optional=(second, third)))
+    bench.submit(Request(CommandKind.STREAM_TELEMETRY, (first,), optional=(second, third)))
     bench.ack(MavCmd.SET_MESSAGE_INTERVAL)
     for _ in (second, third):
         if answer is None:

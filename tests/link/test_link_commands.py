@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from swarmctl.commands import Arm, RequestHome, SetMode, StreamTelemetry, TakeOff
-from swarmctl.events import CommandOutcome, Heartbeat, Mode
+from swarmctl.events import CommandKind, CommandOutcome, Heartbeat, Mode
 from swarmctl.link.address import Address
 from swarmctl.link.codec.messages import MavCmd
 from tests.link.bench import AT_1, AT_2, GCS, Bench, Vehicle, goto
@@ -47,7 +47,7 @@ def test_a_command_for_nobody_has_no_answer(bench: Bench) -> None:
         CommandOutcome(
             received_s=50.0,
             sysid=1,
-            command="Arm",
+            command=CommandKind.ARM,
             result="no_answer",
             detail="no HEARTBEAT was heard from it",
         )

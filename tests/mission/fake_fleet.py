@@ -27,6 +27,7 @@ from swarmctl.commands import (
 )
 from swarmctl.decisions import Decision, PhaseChanged
 from swarmctl.events import (
+    CommandKind,
     CommandOutcome,
     GpsFix,
     Heartbeat,
@@ -106,7 +107,7 @@ class FakeVehicle:
     armed: bool = False
     streaming: bool = False
     silent: bool = False
-    refuses: frozenset[str] = frozenset()
+    refuses: frozenset[CommandKind] = frozenset()
     ignores: frozenset[str] = frozenset()
     battery: float = 0.9
     prearm_ok: bool = True
@@ -146,7 +147,6 @@ class FakeFleet:
         """Carry a command out at once."""
         vehicle = self.vehicles[command.sysid]
         vehicle.commands.append(command)
-        name = type(command).__name__
         if isinstance(command, ReadParameter | WriteParameter):
             yield self._parameter(vehicle, command, now)
             return
@@ -160,8 +160,8 @@ class FakeFleet:
                 )
                 vehicle.velocity = command.velocity_enu
             return
-        result = "refused" if name in vehicle.refuses else "accepted"
-        if vehicle.silent or name in vehicle.ignores:
+        result = "refused" if command.kind in vehicle.refuses else "accepted"
+        if vehicle.silent or command.kind in vehicle.ignores:
             result = "no_answer"
         if isinstance(command, SetMode) and command.mode is Mode.GUIDED and vehicle.by_stream:
             result = result if now - vehicle.setpoint_s < STREAM_LOST_S else "refused"
@@ -172,7 +172,7 @@ class FakeFleet:
         yield CommandOutcome(
             received_s=now,
             sysid=vehicle.sysid,
-            command=name,
+            command=command.kind,
             result=result,  # type: ignore[arg-type]  # a str here, a Literal there
             detail="FAILED (Arm: Compass not healthy)" if result == "refused" else "",
         )

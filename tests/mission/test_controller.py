@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swarmctl.commands import Arm, GoTo, SetMode, UploadFence
-from swarmctl.decisions import MissionEnded, Notice, Plan
-from swarmctl.events import CommandOutcome, FeedConnection, Mode, OperatorRequest
+from swarmctl.decisions import MissionEnded, Notice, PhaseChanged, Plan
+from swarmctl.events import CommandKind, CommandOutcome, FeedConnection, Mode, OperatorRequest
 from swarmctl.mission.mission_file import Mission
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import UTC0, Flight
@@ -89,7 +89,7 @@ def test_a_vehicle_that_never_answers_is_named(mission: Mission) -> None:
 
 def test_a_vehicle_that_refuses_to_arm_brings_the_airborne_home_first(mission: Mission) -> None:
     flight = Flight(mission)
-    flight.fleet.vehicles[4].refuses = frozenset({"Arm"})
+    flight.fleet.vehicles[4].refuses = frozenset({CommandKind.ARM})
     flight.run("ended")
     assert ended(flight).result == "arming_refused"
     assert "vehicle 4 refused to arm (FAILED (Arm: Compass not healthy))" in ended(flight).detail
@@ -140,7 +140,7 @@ def test_a_fence_is_uploaded_to_every_vehicle_if_the_mission_says_so() -> None:
 
 def test_a_vehicle_that_does_not_take_its_fence_is_asked_again_and_then_named() -> None:
     flight = Flight(parse_mission(short_mission_text(limits__upload_geofence=True)))
-    flight.fleet.vehicles[2].refuses = frozenset({"UploadFence"})
+    flight.fleet.vehicles[2].refuses = frozenset({CommandKind.UPLOAD_FENCE})
     flight.run("ended")
     assert ended(flight).result == "not_ready"
     assert "vehicle 2: it has not taken the geofence (FAILED" in ended(flight).detail
@@ -271,6 +271,8 @@ def test_the_operator_can_ask_for_the_return_at_any_time(mission: Mission, phase
         flight.step()
     flight.receive(OperatorRequest(received_s=flight.now, request="return_home"))
     assert flight.controller.phase == "returning"
+    called = [d for d in flight.decisions if isinstance(d, PhaseChanged)][-1]
+    assert called.trigger == "operator asked for the return"
     flight.run("ended")
     assert ended(flight).result == "cancelled"
     assert all(math.dist(v.position, v.home) < 3.0 for v in flight.fleet.vehicles.values())
@@ -289,7 +291,7 @@ def test_a_return_asked_for_before_take_off_ends_at_once(mission: Mission) -> No
 def test_a_landing_that_is_refused_is_asked_for_again(mission: Mission) -> None:
     flight = Flight(mission)
     flight.run("landing")
-    flight.fleet.vehicles[1].ignores = frozenset({"SetMode"})
+    flight.fleet.vehicles[1].ignores = frozenset({CommandKind.SET_MODE})
     for _ in range(60):
         flight.step()
     assert flight.fleet.vehicles[1].armed
@@ -309,6 +311,8 @@ def test_outcomes_of_unknown_vehicles_are_harmless(mission: Mission) -> None:
     flight = Flight(mission)
     flight.run("launching")
     flight.receive(
-        CommandOutcome(received_s=UTC0, sysid=99, command="Arm", result="refused", detail="")
+        CommandOutcome(
+            received_s=UTC0, sysid=99, command=CommandKind.ARM, result="refused", detail=""
+        )
     )
     flight.run("forming")

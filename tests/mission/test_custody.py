@@ -9,7 +9,7 @@ import pytest
 
 from swarmctl.commands import Arm, GoTo, SetMode, TakeOff
 from swarmctl.decisions import MissionEnded, Notice
-from swarmctl.events import Mode, OperatorRequest
+from swarmctl.events import CommandKind, Mode, OperatorRequest
 from swarmctl.mission.custody import RESUME_S
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight
@@ -136,7 +136,7 @@ def test_a_failsafe_of_a_vehicle_that_does_not_resume_is_no_pilot_and_is_not_wai
 
 
 def test_a_refused_mode_keeps_everyone_on_the_ground(flight: Flight) -> None:
-    flight.fleet.vehicles[1].refuses = frozenset({"SetMode"})
+    flight.fleet.vehicles[1].refuses = frozenset({CommandKind.SET_MODE})
     flight.run("ended")
     assert ended(flight).result == "mode_refused"
     assert not any(isinstance(c, Arm) for c in flight.commands)
@@ -146,7 +146,7 @@ def test_a_refused_mode_keeps_everyone_on_the_ground(flight: Flight) -> None:
 def test_a_failure_in_the_climb_brings_those_that_climb_home_and_launches_nobody(
     flight: Flight,
 ) -> None:
-    flight.fleet.vehicles[2].refuses = frozenset({"Arm"})
+    flight.fleet.vehicles[2].refuses = frozenset({CommandKind.ARM})
     flight.run("ended")
     assert ended(flight).result == "arming_refused"
     first = flight.fleet.vehicles[1]

@@ -22,21 +22,29 @@ def test_a_mission_without_trouble_passes_every_phase_once() -> None:
     assert seen == list(Phase)
 
 
+BREAKS_OFF = pytest.mark.parametrize("trigger", [Trigger.FAILED, Trigger.CALLED_HOME])
+
+
+@BREAKS_OFF
 @pytest.mark.parametrize(
     "phase", [Phase.LAUNCHING, Phase.FORMING, Phase.APPROACHING, Phase.ORBITING]
 )
-def test_a_failure_in_the_air_leads_home(phase: Phase) -> None:
-    assert next_phase(phase, Trigger.FAILED) is Phase.RETURNING
+def test_a_failure_or_the_operator_in_the_air_leads_home(phase: Phase, trigger: Trigger) -> None:
+    assert next_phase(phase, trigger) is Phase.RETURNING
 
 
+@BREAKS_OFF
 @pytest.mark.parametrize("phase", [Phase.WAITING, Phase.CHECKING])
-def test_a_failure_on_the_ground_ends_the_mission(phase: Phase) -> None:
-    assert next_phase(phase, Trigger.FAILED) is Phase.ENDED
+def test_a_failure_or_the_operator_on_the_ground_ends_the_mission(
+    phase: Phase, trigger: Trigger
+) -> None:
+    assert next_phase(phase, trigger) is Phase.ENDED
 
 
+@BREAKS_OFF
 @pytest.mark.parametrize("phase", [Phase.RETURNING, Phase.LANDING, Phase.ENDED])
-def test_nothing_interrupts_the_way_home(phase: Phase) -> None:
-    assert not can(phase, Trigger.FAILED)
+def test_nothing_interrupts_the_way_home(phase: Phase, trigger: Trigger) -> None:
+    assert not can(phase, trigger)
 
 
 def test_a_move_that_is_not_in_the_table_is_an_error() -> None:

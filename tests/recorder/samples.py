@@ -46,7 +46,9 @@ ONE_OF_EACH: tuple[Record, ...] = (
     events.VehicleVersion(received_s=1.0, sysid=3, uid=2**63 + 5, flight_sw_version=0x04060000),
     events.LandedState(received_s=1.0, sysid=3, state="in_air"),
     events.StatusText(received_s=1.0, sysid=3, severity=4, text="Größe, \"quoted\""),
-    events.CommandOutcome(received_s=1.0, sysid=3, command="Arm", result="accepted", detail="-"),
+    events.CommandOutcome(
+        received_s=1.0, sysid=3, command=events.CommandKind.ARM, result="accepted", detail="-"
+    ),
     events.LinkQuality(
         received_s=1.0, sysid=3, messages_in=100, lost=1, rate_hz=20.0, rtt_s=0.06,
         boot_offset_s=-3.5, boot_offset_error_s=0.02, utc_error_s=None,

@@ -93,7 +93,7 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
             if number is None:
                 return f"ArduCopter has no mode that is called {command.mode} here"
             step = CommandLong(MavCmd.DO_SET_MODE, (CUSTOM_MODE_ENABLED, float(number)))
-            return Request("SetMode", (step,), shows_mode(MODE_NAMES[number]), needs_state=True)
+            return Request(command.kind, (step,), shows_mode(MODE_NAMES[number]), needs_state=True)
         case TakeOff():
             if home_alt_amsl_m is None:
                 return "its HOME_POSITION, which a take-off altitude counts from, is not known yet"
@@ -101,10 +101,10 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
             if not climb_m > 0.0:
                 return not_above_home(command.alt_amsl_m, home_alt_amsl_m)
             step = CommandLong(MavCmd.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, climb_m))
-            return Request("TakeOff", (step,), shows_airborne)
+            return Request(command.kind, (step,), shows_airborne)
         case _:
             request = common_request(command)
-            return request or f"ArduCopter has no command for {type(command).__name__}"
+            return request or f"ArduCopter has no command for {command.kind}"
 
 
 def spellings(parameter: str) -> tuple[Spelling, ...]:

@@ -28,14 +28,13 @@ def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request |
         reduced: Ids of messages that come fast, unasked and unneeded: with the telemetry, they
             are asked for at 1 Hz, which a vehicle may refuse.
     """
-    name = type(command).__name__
     match command:
         case Arm():
             step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (1.0,))
-            return Request(name, (step,), _shows_armed(True), needs_state=True)
+            return Request(command.kind, (step,), _shows_armed(True), needs_state=True)
         case Disarm():
             step = CommandLong(MavCmd.COMPONENT_ARM_DISARM, (0.0,))
-            return Request(name, (step,), _shows_armed(False), needs_state=True)
+            return Request(command.kind, (step,), _shows_armed(False), needs_state=True)
         case StreamTelemetry():
             slowed = tuple(_interval(message, 1.0) for message in reduced)
             wanted = _wanted(command.position_hz)
@@ -44,13 +43,15 @@ def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request |
                 None if stream is None else DataStream(stream, math.ceil(rate_hz))
                 for _, rate_hz, stream in wanted
             )
-            return Request(name, steps, optional=slowed, instead=streams)
+            return Request(command.kind, steps, optional=slowed, instead=streams)
         case RequestHome():
             home = CommandLong(MavCmd.GET_HOME_POSITION, ())
-            return Request(name, (_ask_for(MessageId.HOME_POSITION),), instead=(home,))
+            return Request(command.kind, (_ask_for(MessageId.HOME_POSITION),), instead=(home,))
         case RequestVersion():
             version = CommandLong(MavCmd.REQUEST_AUTOPILOT_CAPABILITIES, (1.0,))
-            return Request(name, (_ask_for(MessageId.AUTOPILOT_VERSION),), instead=(version,))
+            return Request(
+                command.kind, (_ask_for(MessageId.AUTOPILOT_VERSION),), instead=(version,)
+            )
         case _:
             return None
 

@@ -97,16 +97,16 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
             main, sub = numbers
             step = CommandLong(MavCmd.DO_SET_MODE, (CUSTOM_MODE_ENABLED, float(main), float(sub)))
             # ACCEPTED is not enough: without setpoints the mode stays what it was.
-            return Request("SetMode", (step,), shows_mode(MODE_NAMES[numbers]), needs_state=True)
+            return Request(command.kind, (step,), shows_mode(MODE_NAMES[numbers]), needs_state=True)
         case TakeOff():
             if home_alt_amsl_m is not None and not command.alt_amsl_m > home_alt_amsl_m:
                 return not_above_home(command.alt_amsl_m, home_alt_amsl_m)
             # AMSL; a latitude and longitude of 0 would be a place to go to.
             params = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, command.alt_amsl_m)
-            return Request("TakeOff", (CommandLong(MavCmd.NAV_TAKEOFF, params),), shows_airborne)
+            return Request(command.kind, (CommandLong(MavCmd.NAV_TAKEOFF, params),), shows_airborne)
         case _:
             request = common_request(command, _FAST_UNASKED)
-            return request or f"PX4 has no command for {type(command).__name__}"
+            return request or f"PX4 has no command for {command.kind}"
 
 
 def spellings(parameter: str) -> tuple[Spelling, ...]:

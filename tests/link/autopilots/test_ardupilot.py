@@ -31,7 +31,7 @@ ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}
 def request(command: Command, home_alt_amsl_m: float | None = None) -> Request:
     answer = ardupilot.request_for(command, home_alt_amsl_m)
     assert isinstance(answer, Request)
-    assert answer.name == type(command).__name__
+    assert answer.kind is command.kind
     return answer
 
 

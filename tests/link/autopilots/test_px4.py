@@ -29,7 +29,7 @@ ELSEWHERE = {GoTo, ReadParameter, WriteParameter, UploadFence}
 def request(command: Command, home_alt_amsl_m: float | None = None) -> Request:
     answer = px4.request_for(command, home_alt_amsl_m)
     assert isinstance(answer, Request)
-    assert answer.name == type(command).__name__
+    assert answer.kind is command.kind
     return answer
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from swarmctl.commands import Arm, ReadParameter, WriteParameter
 from swarmctl.decisions import MissionEnded, Notice
-from swarmctl.events import OperatorRequest, ParameterValue
+from swarmctl.events import CommandKind, OperatorRequest, ParameterValue
 from swarmctl.mission.failsafes.session import FailsafeSession
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import ARDUPILOT_SAFE, PX4_SAFE, Flight
@@ -110,8 +110,8 @@ def test_with_consent_they_are_set_before_the_flight_and_restored_after_it() -> 
     ]
 
 
-@pytest.mark.parametrize("refuses", ["Arm", None])
-def test_they_are_restored_after_a_failure_too(refuses: str | None) -> None:
+@pytest.mark.parametrize("refuses", [CommandKind.ARM, None])
+def test_they_are_restored_after_a_failure_too(refuses: CommandKind | None) -> None:
     failed = flight(set_failsafes=True)
     for vehicle in failed.fleet.vehicles.values():
         vehicle.parameters = UNSAFE.copy()
