@@ -1,4 +1,4 @@
-"""The recording of a station's flight: opened once it can fly, closed whatever happens."""
+"""A flight's recording and debrief: opened when the flight can begin, closed in any case."""
 
 from __future__ import annotations
 
