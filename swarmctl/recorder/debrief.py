@@ -215,11 +215,9 @@ class Debrief:
 
     def _range_differences(self, record: RangeDifferences, _time_s: float) -> None:
         self._rd_measurements += len(record.items)
-        self._accuracy.add_range_differences(record)
 
-    def _arrival_time(self, record: ArrivalTime, _time_s: float) -> None:
+    def _arrival_time(self, _record: ArrivalTime, _time_s: float) -> None:
         self._rd_measurements += 1
-        self._accuracy.add_arrival(record)
 
     def _estimate(self, record: Estimate, time_s: float) -> None:
         self._estimates += 1
