@@ -19,9 +19,9 @@ from typing import Literal
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.kernels import ekf as ekf_kernel
 from swarmctl.estimation.kernels import ncrkf as ncrkf_kernel
 from swarmctl.estimation.model.motion import ConstantAcceleration
+from swarmctl.study import ekf_update as ekf_kernel
 from swarmctl.study import paper_filters
 from swarmctl.study.batch_filter import BatchEstimate, BatchFilter, Belief, RelativePrior, Scan
 from swarmctl.study.filter_coordinates import (
