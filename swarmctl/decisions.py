@@ -50,7 +50,13 @@ class Estimate(Decision, frozen=True):
             the covariance spans all of them.
         nis: Normalised innovation squared of the update (chi-squared, ``rd_count`` degrees of
             freedom, if the filter is consistent).
-        rd_count: Range differences in the update.
+        rd_count: Range differences in the update that were not set aside.
+        measured_utc_s: Epoch of the range differences that the update was given, UTC s; earlier
+            than ``epoch_utc_s`` if they came late.
+        reference: System id of the UAV that these are differenced against; None if unknown.
+        receivers: System ids of the companions, those set aside included.
+        sigma_m: White 1-sigma of each range difference, m.
+        rho: Share of each variance that comes from the reference receiver, 0..1.
     """
 
     epoch_utc_s: float
@@ -60,6 +66,11 @@ class Estimate(Decision, frozen=True):
     nis: float
     rd_count: int
     probability: float = 1.0
+    measured_utc_s: float = 0.0
+    reference: int | None = None
+    receivers: tuple[int, ...] = ()
+    sigma_m: tuple[float, ...] = ()
+    rho: tuple[float, ...] = ()
 
 
 class ReceiverEstimate(Decision, frozen=True):

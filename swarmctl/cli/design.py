@@ -30,17 +30,19 @@ class ObjectiveName(StrEnum):
 def design(
     n: Annotated[int, typer.Option("--n", help="Companions, the reference UAV not counted.")] = 3,
     d_max: Annotated[float, typer.Option("--d-max", help="Greatest distance, m.")] = 300.0,
-    range_m: Annotated[float, typer.Option("--range", help="To the emitter, m.")] = 5000.0,
-    sigma_r: Annotated[float, typer.Option("--sigma-r", help="Of a range difference, m.")] = 0.5,
+    range_m: Annotated[float, typer.Option("--range", help="Range to the emitter, m.")] = 5000.0,
+    sigma_r: Annotated[
+        float, typer.Option("--sigma-r", help="1-sigma of a range difference, m.")
+    ] = 0.5,
     sigma_p: Annotated[
-        float, typer.Option("--sigma-p", help="Of a UAV position per axis, m.")
+        float, typer.Option("--sigma-p", help="1-sigma of a UAV position per axis, m.")
     ] = 0.5,
     rho: Annotated[
         float, typer.Option("--rho", help="Share of sigma-r² from the reference receiver.")
     ] = 0.5,
     name: Annotated[str, typer.Option("--design", help="Which one to show.")] = "optimal",
     objective: Annotated[
-        ObjectiveName, typer.Option("--objective", help="What counts.")
+        ObjectiveName, typer.Option("--objective", help="What the optimal design minimises.")
     ] = ObjectiveName.RMS,
     separation: Annotated[
         float, typer.Option("--separation", help="Least distance of two UAVs, m.")
@@ -51,12 +53,14 @@ def design(
     ahead: Annotated[
         bool, typer.Option("--ahead", help="Axis slots ahead of the reference, not behind.")
     ] = False,
-    time_s: Annotated[float, typer.Option("--time", help="How long is measured, s.")] = 10.0,
-    rate_hz: Annotated[float, typer.Option("--rate", help="How often, Hz.")] = 10.0,
+    time_s: Annotated[float, typer.Option("--time", help="Time that is measured, s.")] = 10.0,
+    rate_hz: Annotated[float, typer.Option("--rate", help="Measurements a second, Hz.")] = 10.0,
     speed: Annotated[
-        float, typer.Option("--speed", help="Of the approach, for --objective track, m/s.")
+        float, typer.Option("--speed", help="Speed of the approach, for --objective track, m/s.")
     ] = 10.0,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Draw it into this PNG.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the design into this PNG.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show where the companions should stand, and what that is worth."""

@@ -1,4 +1,4 @@
-"""The estimate inside the controller: feeds the tracker, and says what guidance may rely on."""
+"""The estimate inside the controller: feeds the track, and says what guidance may rely on."""
 
 from __future__ import annotations
 
@@ -7,32 +7,29 @@ from collections import deque
 
 import numpy as np
 
-from swarmctl.decisions import Decision, Estimate, HealthChanged, ReceiverEstimate
+from swarmctl import decisions
+from swarmctl.decisions import Decision, HealthChanged, ReceiverEstimate
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.bounds.consistency import ellipse
-from swarmctl.estimation.estimate import Counts
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.feed.measurement_queue import MeasurementQueue
 from swarmctl.estimation.integrity.health import Verdict, sentence
 from swarmctl.events import ArrivalTime, RangeDifferences, VehiclePosition
+from swarmctl.mission.accuracy_limit import accuracy_limit
+from swarmctl.mission.estimate_projections import recorded, target_of
 from swarmctl.mission.filter_settings import emitter_prior, new_track, receiver_errors
 from swarmctl.mission.mission_file import Mission
-from swarmctl.mission.target import Target
 from swarmctl.units import Vector
 
 HISTORY_S = 5.0
 """Measurements up to this late are used, s."""
 RATE_WINDOW_S = 5.0
 """The measurement rate is an average over this long."""
-HORIZONTAL = (0, 1, 3, 4)
-"""Rows of the horizontal position and velocity in the track's state."""
 REPORT_S = 1.0
 """The receivers' errors are reported this often, s."""
-ELONGATED = 3.0
-"""Axes of the ellipse this far apart are the geometry's doing."""
 
 
 class EmitterTracking:
-    """The tracker, driven by observations.
+    """The track of the emitter, driven by observations.
 
     Args:
         mission: The mission; its prior, filter and frame are used.
@@ -64,13 +61,13 @@ class EmitterTracking:
         self._reported_s = -math.inf
         self._recent: deque[tuple[float, int]] = deque()
         self.leader = mission.swarm.reference
-        self.last: Estimate | None = None
+        self.last: decisions.Estimate | None = None
         self.last_used_s: float | None = None
         self.restarted = False
         self.rereferences = False
-        prior = emitter_prior(mission)
-        self.covariance = prior.covariance
-        self.target = _target(prior.mean, prior.covariance)
+        believed = Estimate(-math.inf, *emitter_prior(mission))
+        self.covariance = believed.P
+        self.target = target_of(believed)
 
     @property
     def verdict(self) -> Verdict:
@@ -83,7 +80,7 @@ class EmitterTracking:
         return self._queue.counts
 
     def position(self, report: VehiclePosition, position_enu: Vector) -> None:
-        """Take a vehicle's position; one without an epoch is of no use to the tracker."""
+        """Take a vehicle's position; one without an epoch is of no use to the track."""
         if report.epoch_utc_s is not None:
             self._queue.add_position(
                 report.sysid, report.epoch_utc_s, position_enu, report.velocity_enu
@@ -120,32 +117,22 @@ class EmitterTracking:
             An :class:`Estimate` for each, and what changed about the track besides. A track
             that has diverged is begun again from the prior.
         """
-        decisions: list[Decision] = []
+        made: list[Decision] = []
         used = self._track.counts.used
         for update in self._queue.process(self.leader):
-            east, north, up, v_east, v_north, v_up = update.x.tolist()
-            self.last = Estimate(
-                at_s=now,
-                epoch_utc_s=update.epoch_s,
-                position_enu=(east, north, up),
-                velocity_enu=(v_east, v_north, v_up),
-                covariance=tuple(update.P.ravel().tolist()),
-                probability=update.probability,
-                nis=update.nis,
-                rd_count=update.rd_count,
-            )
-            decisions.append(self.last)
+            self.last = recorded(update, now)
+            made.append(self.last)
         used = self._track.counts.used - used
         if used:
             self.last_used_s = now
             self._recent.append((now, used))
         while self._recent and self._recent[0][0] < now - RATE_WINDOW_S:
             self._recent.popleft()
-        decisions += self._examine(now)
-        if decisions and self._layout.size and now - self._reported_s >= REPORT_S:
+        made += self._examine(now)
+        if made and self._layout.size and now - self._reported_s >= REPORT_S:
             self._reported_s = now
-            decisions += self._receivers(now)
-        return decisions
+            made += self._receivers(now)
+        return made
 
     def _examine(self, now: float) -> list[Decision]:
         """What is new about the track's health."""
@@ -197,17 +184,7 @@ class EmitterTracking:
 
     def limit(self) -> str:
         """What limits the accuracy now: one word, or a few."""
-        if not self._track.estimates():
-            return "the prior"
-        if not self._track.is_resolved:
-            return "geometry: more than one place is possible"
-        clock, navigation, colour = self._track.limits()
-        shares = {"clocks": clock, "navigation": navigation, "multipath": colour}
-        worst = max(shares, key=lambda name: shares[name])
-        if shares[worst] > 0.5:
-            return worst
-        major, minor, _ = ellipse(self.covariance)
-        return "geometry" if major > ELONGATED * minor else "noise"
+        return accuracy_limit(self._track, self.covariance)
 
     def predict(self, utc_s: float | None) -> None:
         """Predict :attr:`target` to an instant; without the time it stays what it was."""
@@ -215,7 +192,7 @@ class EmitterTracking:
             return
         believed = self._track.believed_at(utc_s)
         self.covariance = believed.P
-        self.target = _target(believed.x, believed.P)
+        self.target = target_of(believed)
 
     def rate_hz(self) -> float:
         """Range differences used per second, over the last seconds."""
@@ -225,15 +202,3 @@ class EmitterTracking:
 def _part(errors: np.ndarray, sigma: np.ndarray, place: int | None) -> tuple[float, float]:
     """One of a receiver's errors and its 1-sigma; 0 and 0 if it is not modelled."""
     return (0.0, 0.0) if place is None else (float(errors[place]), float(sigma[place]))
-
-
-def _target(state: np.ndarray, covariance: np.ndarray) -> Target:
-    east, north, up, v_east, v_north, v_up = state.tolist()
-    return Target(
-        (east, north, up),
-        (v_east, v_north, v_up),
-        float(ellipse(covariance[:3, :3]).major),
-        float(ellipse(covariance[3:, 3:]).major),
-        (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
-        covariance[np.ix_(HORIZONTAL, HORIZONTAL)],
-    )

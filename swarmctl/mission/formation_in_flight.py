@@ -153,7 +153,7 @@ class FormationInFlight:
         """Follow the line of sight, and choose the design for what is known now.
 
         Args:
-            bearing_rad: Bearing of the estimate from the reference UAV, rad from East.
+            bearing_rad: Direction of the estimate from the reference UAV, rad from East.
             rate_rads: Its geometric rate, rad/s.
             range_m: Range to the estimate, m.
             los_sigma_rad: 1-sigma of the bearing, rad.

@@ -23,8 +23,8 @@ CLOCK_TOLERANCE = 0.2
 def clock_rate(vehicle: VehicleState, span_s: float = CLOCK_SPAN_S) -> float | None:
     """Seconds of vehicle time in one second of the controller's.
 
-    A vehicle has two times: UTC dates its positions, and it flies in its time since boot. The
-    one that is further off counts.
+    A vehicle has two times, UTC and time since boot; the one that is further off counts. The
+    first dates its positions, the second is the time that it flies in.
 
     Args:
         vehicle: The vehicle.

@@ -13,11 +13,9 @@ from numpy.typing import ArrayLike
 from swarmctl.decisions import Estimate
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.feed.alignment import PositionHistory
-from swarmctl.estimation.feed.pairing import Arrival, differences
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.model.rows import star
-from swarmctl.events import ArrivalTime, RangeDifferences
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
 from swarmctl.units import Vector
@@ -29,8 +27,6 @@ _HISTORY_S = 30.0
 _MAX_EXTRAPOLATION_S = 1.0
 _WAITING = 4096
 """Estimates that wait for the truth to cover their epoch; without truth the oldest go."""
-_EPOCHS = 256
-"""Epochs and bursts that wait for their estimate; those dropped never get one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +53,9 @@ class Outcome:
     range_m: float | None
 
 
-_Measurement = tuple[int, float, float]
-"""Receiver, sigma (m) and rho of a range difference."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Waiting:
     estimate: Estimate
-    measured: dict[int, list[_Measurement]]
     time_s: float
     observing: bool
     converged: bool
@@ -73,11 +64,10 @@ class _Waiting:
 class Accuracy:
     """Compares estimates with the truth, and runs the bound along the way.
 
-    The bound is the posterior Cramér-Rao bound of the tracker's own model: its prior at the
-    first update, its process noise, what it assumes of the receivers, and every epoch of range
-    differences or arrival times that led to an estimate, with the emitter at its true position
-    and the UAVs where they reported to be. It ends with the observing phases, since it costs
-    more than all the rest.
+    The bound is the posterior Cramér-Rao bound of the track's own model: its prior at the first
+    update, its process noise, what it assumes of the receivers, and the range differences that
+    each estimate was made from, with the emitter at its true position and the UAVs where they
+    reported to be. It ends with the observing phases, since it costs more than all the rest.
 
     Args:
         reference: System id of the reference UAV.
@@ -112,8 +102,6 @@ class Accuracy:
         self._truth = truth
         self._series = series
         self._histories: dict[int, PositionHistory] = {}
-        self._measured: dict[float, dict[int, list[_Measurement]]] = {}
-        self._bursts: dict[int, list[Arrival]] = {}
         self._waiting: deque[_Waiting] = deque(maxlen=_WAITING)
         self._last: Outcome | None = None
         self._last_observing: Outcome | None = None
@@ -149,22 +137,6 @@ class Accuracy:
             history = self._histories[sysid] = PositionHistory(_HISTORY_S, _MAX_EXTRAPOLATION_S)
         history.add(epoch_s, position, velocity)
 
-    def add_range_differences(self, event: RangeDifferences) -> None:
-        """Take range differences. Those of one epoch and reference are one measurement."""
-        epoch = self._measured.setdefault(event.epoch_utc_s, {})
-        epoch.setdefault(event.reference, []).extend(
-            [(item.receiver, item.sigma_m, event.rho) for item in event.items]
-        )
-        if len(self._measured) > _EPOCHS:
-            del self._measured[next(iter(self._measured))]
-
-    def add_arrival(self, event: ArrivalTime) -> None:
-        """Take an arrival time. Those of one burst are one measurement."""
-        arrival = Arrival(event.receiver, event.toa_s, event.toa_frac_s, event.sigma_s)
-        self._bursts.setdefault(event.burst, []).append(arrival)
-        if len(self._bursts) > _EPOCHS:
-            del self._bursts[next(iter(self._bursts))]
-
     def add_estimate(self, estimate: Estimate, time_s: float, *, observing: bool) -> None:
         """Take an estimate made at mission time ``time_s`` (s)."""
         east, north, _ = estimate.position_enu
@@ -180,28 +152,11 @@ class Accuracy:
         self._waiting.append(
             _Waiting(
                 estimate=estimate,
-                measured=self._measured.pop(estimate.epoch_utc_s, {})
-                or self._paired(estimate.epoch_utc_s),
                 time_s=time_s,
                 observing=observing,
                 converged=self.converged_at_s is not None,
             )
         )
-
-    def _paired(self, epoch_s: float) -> dict[int, list[_Measurement]]:
-        """The burst that was used at an epoch: the arrival time at whoever was its reference."""
-        for number in reversed(self._bursts):
-            for reference in self._bursts[number]:
-                if reference.epoch_s == epoch_s:
-                    others = [
-                        arrival
-                        for arrival in self._bursts.pop(number)
-                        if arrival.receiver != reference.receiver
-                        and arrival.may_share_burst(reference)
-                    ]
-                    measured = differences(reference, others).items()
-                    return {reference.receiver: [(i, m.sigma_m, m.rho) for i, m in measured]}
-        return {}
 
     def settle(self, until_s: float) -> None:
         """Compare the estimates up to an epoch that the truth covers (UTC, s) with it."""
@@ -217,7 +172,7 @@ class Accuracy:
         error = math.hypot(dx, dy)
         nees = (nn * dx * dx - 2.0 * en * dx * dy + ee * dy * dy) / (ee * nn - en * en)
         self._bound_ended |= self._last_observing is not None and not waiting.observing
-        bound = None if self._bound_ended else self._bound_axis(waiting, emitter)
+        bound = None if self._bound_ended else self._bound_axis(estimate, emitter)
         if bound is not None:
             self._series.bounds.add((waiting.time_s, bound))
         self._series.errors.add((waiting.time_s, error))
@@ -236,20 +191,22 @@ class Accuracy:
                 self._nees_sum += nees
                 self._nees_count += 1
 
-    def _bound_axis(self, waiting: _Waiting, emitter: Vector) -> float | None:
-        for reference, measured in waiting.measured.items():
-            self._update_bound(waiting.estimate.epoch_utc_s, reference, measured, emitter)
+    def _bound_axis(self, estimate: Estimate, emitter: Vector) -> float | None:
+        self._update_bound(estimate, emitter)
         if self._bound_epoch_s is None:
             return None
         P = self._bound.covariance
         return _major_axis(float(P[0, 0]), float(P[0, 1]), float(P[1, 1]))
 
-    def _update_bound(
-        self, epoch_s: float, reference: int, measured: list[_Measurement], emitter: Vector
-    ) -> None:
+    def _update_bound(self, estimate: Estimate, emitter: Vector) -> None:
+        epoch_s, reference = estimate.epoch_utc_s, estimate.reference
+        if reference is None or estimate.measured_utc_s < epoch_s:
+            return  # what came late is left out: the recursion goes forward only
         reference_at = self._position(reference, epoch_s)
         heard, companions, sigmas, rhos = [], [], [], []
-        for receiver, sigma, rho in measured:
+        for receiver, sigma, rho in zip(
+            estimate.receivers, estimate.sigma_m, estimate.rho, strict=True
+        ):
             companion_at = self._position(receiver, epoch_s)
             if companion_at is not None:
                 heard.append(receiver)

@@ -62,7 +62,7 @@ _PER_DECADE = 6
 _DRAWS = 100_000
 """Epochs of all runs together that are drawn at once: a few tens of megabytes."""
 _NODES = 9
-"""Of the quadrature, per axis."""
+"""Nodes of the quadrature per axis."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class Convergence:
         true_weight: Measured, RMS over the runs, (K,).
         measured_weight: The same with R and W made of measured values, (K,).
         floor: Limit of the latter.
-        slope: Of log true_weight over log k; -1/2 is right.
-        measured_slope: Of log measured_weight over log k.
+        slope: Slope of log true_weight over log k; -1/2 is right.
+        measured_slope: Slope of log measured_weight over log k.
     """
 
     predicted: Array
@@ -116,7 +116,7 @@ class InformationStudy:
 
 
 class _Still(NamedTuple):
-    """The geometry, and what is made of its true values."""
+    """The geometry that stands still, and the weight made of its true values."""
 
     baselines: Array
     rd: Array
@@ -126,7 +126,7 @@ class _Still(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Over epochs, per run; changed in place."""
+    """Sums over the epochs, for each run; changed in place."""
 
     true_weight: Array
     measured_weight: Array
@@ -140,8 +140,8 @@ def run_information(
 
     Args:
         runs: Noise sequences, >= 1.
-        epochs: Of each, >= 2.
-        seed: Of the noise.
+        epochs: Epochs of each run, >= 2.
+        seed: The seed of the noise.
         formation: Angle from the line of sight and distance from the reference UAV of each
             companion, (N, 2), rad and m.
         engagement: The parameters; Table 1 if left out.

@@ -1,4 +1,4 @@
-"""Runs x formations x filters: the same draws for all, reduced as they come.
+"""Fly every filter in every formation, on the same draws, and add the runs up as they come.
 
 Runs are flown in chunks of :data:`CHUNK`. A chunk's draws depend on the seed and its number
 only, and chunks are added up in their order, so the result is the same, bit for bit, whatever
@@ -31,16 +31,16 @@ CHUNK = 200
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is to be flown.
+    """A start, filters and formations to fly together.
 
     Attributes:
         start: How a run begins.
         filters: By name.
         formations: By name, (N, 2) of (angle rad, distance m).
         runs: How many, at least 2.
-        seed: Of all draws.
-        process_noise: Spectral density of the emitter's acceleration per axis, m²/s³: of the
-            truth if the start disturbs it, and of the constant-velocity bound.
+        seed: The seed of all draws.
+        process_noise: Spectral density of the emitter's acceleration per axis, m²/s³. It drives
+            the truth if the start disturbs it, and the constant-velocity bound.
         engagement: The scene.
         slow: Names of the filters that fly the first chunk only.
     """
@@ -68,12 +68,12 @@ class Campaign:
 
 @dataclass
 class FormationResult:
-    """What came of one formation.
+    """The statistics of one formation.
 
     Attributes:
-        tallies: By filter.
-        cv_bound: Of the constant-velocity model, position relative to the frame.
-        ca_bound: Of the constant-acceleration model of Table 1, relative to the reference
+        tallies: The statistics of each filter, by name.
+        cv_bound: Bound of the constant-velocity model, position in the fixed frame.
+        ca_bound: Bound of the constant-acceleration model of Table 1, relative to the reference
             UAV, its acceleration unknown.
     """
 
@@ -97,12 +97,12 @@ def run_campaign(
     """Fly a campaign.
 
     Args:
-        campaign: What.
-        executor: Where; None for this process.
-        on_progress: Told after each chunk how many runs are done, of how many.
+        campaign: What to fly.
+        executor: Where the chunks are flown; None for this process.
+        on_progress: Is told after each chunk how many runs are done, and of how many.
 
     Returns:
-        By formation.
+        The statistics of each formation, by name.
 
     Raises:
         EstimationError: A filter failed; names it and the epoch.
@@ -134,7 +134,7 @@ def _fly(work: tuple[Campaign, str, int]) -> FormationResult:
     """Fly one chunk with one formation."""
     campaign, formation, chunk = work
     runs = len(_runs_of(campaign, chunk))
-    # Of their own, so that the emitter's disturbance does not shift the noise.
+    # Generators of their own, so that the emitter's disturbance does not shift the noise.
     of_start, of_emitter, of_noise = (
         np.random.default_rng(sequence)
         for sequence in np.random.SeedSequence(campaign.seed, spawn_key=(chunk,)).spawn(3)
@@ -170,14 +170,14 @@ def _fly(work: tuple[Campaign, str, int]) -> FormationResult:
 
 
 class Log:
-    """One filter on its way through a chunk.
+    """One filter flying through a chunk, and its errors so far.
 
     Args:
         name: Its name.
         candidate: The filter.
         draw: The chunk's beginning.
-        runs: Of the chunk.
-        epochs: It will be given.
+        runs: Runs of the chunk.
+        epochs: Epochs it will be given.
     """
 
     def __init__(
@@ -217,7 +217,10 @@ class Log:
         self._belief = self._without_broken(belief, k)
 
     def _without_broken(self, belief: Belief, k: int) -> Belief:
-        """Runs that broke down stay so, and start again, lest they take the others along."""
+        """Mark runs that broke down as lost, and give the filter its first belief for them.
+
+        One run that is no number would spoil the whole batch.
+        """
         sound: Mask = np.isfinite(belief.x.sum(-1) + belief.P.sum((-2, -1)))
         if sound.all():
             if self._broken.any():
@@ -231,14 +234,14 @@ class Log:
         )
 
     def tally(self, at: Sequence[int] | slice = slice(None)) -> Tally:
-        """Of all epochs, or of those at some."""
+        """The statistics at all epochs, or at some."""
         return Tally.of(
             self._error[at], self._variance[at], self._covariance[at], self._guarded[at]
         )
 
 
 class _Bounds:
-    """The two bounds on their way through a chunk."""
+    """The two bounds along the trajectories of a chunk."""
 
     def __init__(self, draw: Draw, motion: ConstantVelocity, epochs: int) -> None:
         P = draw.prior.covariance

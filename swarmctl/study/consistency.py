@@ -1,7 +1,7 @@
 """Is the error at the Cramér-Rao bound, and do the error bars tell the truth?
 
-NEES is the mean over the runs at a time, never over time. Ratios and NEES come with 95 %
-confidence intervals; a target is met when the interval reaches it.
+NEES is the mean over the runs at one time, never over time. Ratios and NEES come with 95 %
+confidence intervals; a filter is within a tolerance when the interval reaches it.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class FilterCase(NamedTuple):
     """One experiment.
 
     Attributes:
-        title: What is drawn.
-        start: How.
-        process_noise: Of the emitter and of the model, per axis, m²/s³.
+        title: What is drawn, in words.
+        start: How a run begins.
+        process_noise: Process noise of the emitter and of the model per axis, m²/s³.
         tolerance: None where only lost tracks count.
     """
 
@@ -87,12 +87,12 @@ class FilterInstant:
     """One filter at one time.
 
     Attributes:
-        time_s: Since the start.
-        rmse_m: Of the position.
-        cv_bound_m: Constant-velocity bound of it.
-        ca_bound_m: Constant-acceleration bound of it.
-        ratio_cv: RMSE over the first.
-        ratio_ca: RMSE over the second.
+        time_s: Time since the start.
+        rmse_m: Root mean square of the position error.
+        cv_bound_m: Its constant-velocity bound.
+        ca_bound_m: Its constant-acceleration bound.
+        ratio_cv: RMSE over the constant-velocity bound.
+        ratio_ca: RMSE over the constant-acceleration bound.
         nees: Mean position NEES.
         inside_95: Share of runs with the truth inside the claimed 95 % ellipse.
     """
@@ -112,13 +112,13 @@ class FilterRow:
     """One filter in one case.
 
     Attributes:
-        case: Its name.
-        filter: Its name.
-        runs: Flown.
+        case: The case's name.
+        filter: The filter's name.
+        runs: Runs flown.
         instants: At :data:`TIMES_S`.
-        lost: Tracks lost at :data:`LOST_AT_S`.
+        lost: Runs lost at :data:`LOST_AT_S`.
         guard_firings: Updates in which the filter's guard fired.
-        shortfalls: Which targets were missed, as sentences; None if none are set for it.
+        shortfalls: What is out of tolerance, as sentences; None if the filter has no tolerance.
     """
 
     case: str
@@ -143,11 +143,11 @@ def run_consistency(
 
     Args:
         registry: The filters to compare.
-        runs: Per case.
-        seed: Of all draws.
+        runs: Runs of each case.
+        seed: The seed of all draws.
         cases: Names in :data:`CASES`.
-        executor: Where; None for this process.
-        on_progress: Told how many runs are done, of how many.
+        executor: Where the runs are flown; None for this process.
+        on_progress: Is told how many runs are done, and of how many.
 
     Raises:
         UsageError: A case is unknown, or runs below 2.
@@ -210,7 +210,7 @@ def _row(name: str, case: FilterCase, candidate: str, result: FormationResult) -
 def _shortfalls(
     tolerance: FilterTolerance | None, instants: list[FilterInstant], lost: int
 ) -> tuple[str, ...]:
-    """Targets the confidence intervals do not reach, as sentences."""
+    """What is out of tolerance by its whole confidence interval, as sentences."""
     missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost else []
     if tolerance is None:
         return tuple(missed)

@@ -1,8 +1,8 @@
-"""The engagement of the paper's Table 1: who is where, and what the receivers make of it.
+"""The engagement of the paper's Table 1: who is where, and what is measured.
 
 The paper leaves the guidance open ("guided towards the target"); here the reference UAV flies
 pure proportional navigation, and the formation turns with the true line of sight. Two axes,
-east and north. Leading axes of runs, where the runs differ.
+east and north. Arrays have leading axes of runs where the runs differ.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class Engagement:
     """Parameters, with the values of Table 1.
 
     Attributes:
-        period_s: Between two measurements.
-        duration_s: Of the whole; the closest range is then about 600 m.
-        speed_mps: Of the reference UAV, constant.
-        heading_rad: Of the reference UAV at the start.
-        gain: Of the proportional navigation; not in the paper.
-        range_m: From the reference UAV to the emitter at the start, due east.
-        emitter_speed_mps: Of the emitter, constant.
-        emitter_heading_rad: Of the emitter.
+        period_s: Time between two measurements.
+        duration_s: Duration of the whole; the closest range is then about 600 m.
+        speed_mps: Speed of the reference UAV, constant.
+        heading_rad: Heading of the reference UAV at the start.
+        gain: Gain of the proportional navigation; not in the paper.
+        range_m: Range from the reference UAV to the emitter at the start, due east.
+        emitter_speed_mps: Speed of the emitter, constant.
+        emitter_heading_rad: Heading of the emitter.
         sigma_r_m: 1-sigma of a range difference.
         sigma_p_m: 1-sigma of a measured UAV position per axis.
         rho: Share of a range difference's variance that comes from the reference receiver.
@@ -72,10 +72,10 @@ class Moment(NamedTuple):
     """The truth at one epoch.
 
     Attributes:
-        dt: Since the previous epoch, s.
+        dt: Time since the previous epoch, s.
         emitter: Position and velocity, (..., 4), SI.
         reference: Position of the reference UAV, (..., 2), m.
-        velocity: Its mean velocity since the previous epoch, (..., 2), m/s.
+        velocity: Mean velocity of the reference UAV since the previous epoch, (..., 2), m/s.
         companions: Positions, (..., N, 2), m.
     """
 
@@ -87,12 +87,12 @@ class Moment(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A change of the emitter's mind, at once.
+    """A sudden change of the emitter's velocity.
 
     Attributes:
-        at_s: When.
-        by_rad: Of its heading, counter-clockwise.
-        speed: Afterwards, as a share of the speed before: 0 is a stop.
+        at_s: Time since the start.
+        by_rad: Change of heading, counter-clockwise.
+        speed: Speed afterwards as a share of the speed before: 0 is a stop.
     """
 
     at_s: float
@@ -123,9 +123,9 @@ def fly(
         formation: Angle from the line of sight and distance from the reference UAV of each
             companion, (N, 2), rad and m.
         emitter: Position and velocity of the emitter at the start, (..., 4), SI.
-        motion: How it is disturbed; None for not at all.
+        motion: The model whose noise disturbs the emitter; None for no disturbance.
         rng: Drives the disturbance.
-        turn: What the emitter does besides.
+        turn: A change of velocity on the way.
 
     Raises:
         UsageError: The formation has not the shape (N, 2), or a disturbed emitter no rng.
@@ -220,7 +220,7 @@ def measure(engagement: Engagement, moment: Moment, rng: np.random.Generator, ru
 
 
 def prior_at(mean: Array, covariance: Array, engagement: Engagement) -> RelativePrior:
-    """A prior at the start: where the reference UAV is then, is known."""
+    """A prior at the start, when the place of the reference UAV is known."""
     velocity = engagement.speed_mps * _direction(np.asarray(engagement.heading_rad))
     return RelativePrior(mean, covariance, np.array([-engagement.range_m, 0.0, *velocity]))
 

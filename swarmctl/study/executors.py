@@ -27,9 +27,9 @@ def in_order(
     """Results in the order of the work, whoever finishes first.
 
     Args:
-        executor: Where; None for this process.
-        fly: What is done; importable by name.
-        work: Its arguments.
+        executor: Where the work is done; None for this process.
+        fly: The function to call; importable by name.
+        work: Its arguments, one for each call.
     """
     if executor is None:
         yield from map(fly, work)
@@ -55,7 +55,7 @@ def executing(
 
     Args:
         workers: Processes on this machine; 1 is this process.
-        address: Of a dask scheduler, ``dask://host:port``, instead.
+        address: Address of a dask scheduler, ``dask://host:port``, instead.
         files: Python files the workers of a cluster need besides this package.
 
     Raises:

@@ -19,9 +19,9 @@ from typing import Literal
 import numpy as np
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.kernels import ekf as ekf_kernel
 from swarmctl.estimation.kernels import ncrkf as ncrkf_kernel
 from swarmctl.estimation.model.motion import ConstantAcceleration
+from swarmctl.study import ekf_update as ekf_kernel
 from swarmctl.study import paper_filters
 from swarmctl.study.batch_filter import BatchEstimate, BatchFilter, Belief, RelativePrior, Scan
 from swarmctl.study.filter_coordinates import (
@@ -45,10 +45,10 @@ def ncrkf(
     Args:
         variant: ``consistent``, see :mod:`~swarmctl.estimation.kernels.ncrkf`, or ``paper``, as
             printed, see :mod:`~swarmctl.study.paper_filters`.
-        state: Coordinates of the consistent one; the paper's has its own.
-        process_noise: Of the consistent one. Spectral density of the emitter's acceleration
-            per axis (two by default), m²/s³; with state ``accelerated`` the variance of the
-            acceleration's jump per step, (m/s²)². The paper's has Table 1's.
+        state: Coordinates of the consistent filter; the paper's has its own.
+        process_noise: Spectral density of the emitter's acceleration per axis (two by default),
+            m²/s³; with state ``accelerated`` the variance of the acceleration's jump per step,
+            (m/s²)². It is for the consistent filter; the paper's has Table 1's.
 
     Raises:
         EstimationError: variant or state is unknown.

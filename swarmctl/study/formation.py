@@ -31,16 +31,16 @@ CONVERGED_SIGMA_M = 25.0
 LOOK_EVERY_S = 0.5
 """How often a flight is asked whether it is over, mission s."""
 RESAMPLES = 2000
-"""Of the bootstrap."""
+"""Samples of the bootstrap."""
 ALTITUDE_STEP_M = 12.0
 
 
 class MissionOutcome(NamedTuple):
-    """One mission.
+    """How one mission ended.
 
     Attributes:
-        converged_s: From forming up until the 1-sigma was below 25 m, s; infinite if never.
-        error_m: Of the estimate then.
+        converged_s: Time from forming up until the 1-sigma was below 25 m; infinite if never.
+        error_m: Error of the estimate then.
     """
 
     converged_s: float
@@ -52,13 +52,13 @@ class Cell:
     """One design with one number of companions.
 
     Attributes:
-        design: Its name.
-        companions: N.
+        design: The design's name.
+        companions: Number of companions.
         mean_s: Mean time to converge.
         rmse_m: Root mean square of the error then.
         lost: Flights that did not converge; the figures are over the others.
-        of_best: Its time over that of the best design with as many companions.
-        of_best_95: 95 % interval of that, by bootstrap over the paired seeds.
+        of_best: Mean time over that of the best design with as many companions.
+        of_best_95: 95 % interval of that ratio, by bootstrap over the paired seeds.
     """
 
     design: str
@@ -82,12 +82,12 @@ def run_formation(
     """Fly every design with every number of companions through the same missions.
 
     Args:
-        runs: Missions each.
-        seed: The first mission's; the next ones follow.
-        designs: Names a mission file knows.
-        companions: Numbers N.
-        executor: Where; None for this process.
-        on_progress: Told how many missions are done, of how many.
+        runs: Missions of each design with each number of companions.
+        seed: The first mission's seed; the next missions have the seeds that follow.
+        designs: Names of designs that a mission file knows.
+        companions: Numbers of companions.
+        executor: Where the missions are flown; None for this process.
+        on_progress: Is told how many missions are done, and of how many.
 
     Raises:
         UsageError: runs is below 2.
@@ -97,7 +97,7 @@ def run_formation(
     if runs < 2:
         raise UsageError(f"A study needs at least 2 runs, not {runs}.")
     for design in designs:
-        # A mission file's own words for a name it does not know.
+        # An unknown design is refused before the first flight, in the mission file's own words.
         parse_mission(mission_text(design, companions[0]))
     work = [(design, n, seed + k) for n in companions for design in designs for k in range(runs)]
     flights: dict[tuple[str, int], list[MissionOutcome]] = {}
@@ -149,7 +149,7 @@ def _cells(
     companions: int, flights: dict[str, list[MissionOutcome]], rng: np.random.Generator
 ) -> list[Cell]:
     times = {name: np.array([flight.converged_s for flight in f]) for name, f in flights.items()}
-    # Paired: a mission counts only if every design converged in it.
+    # The designs are compared on the same missions: those in which every design converged.
     common = np.isfinite(np.array(list(times.values()))).all(0)
     times = {name: t[common] for name, t in times.items()}
     means = {name: float(t.mean()) for name, t in times.items()}

@@ -65,7 +65,7 @@ def measurement(baselines: Array, rd: Array, variance: Array, sigma_p: float) ->
     Args:
         baselines: Measured, (..., N, d), m.
         rd: Measured, (..., N), m.
-        variance: Of the RDs, (N,), m².
+        variance: Variance of the RDs, (N,), m².
         sigma_p: 1-sigma of every UAV's position per axis, m.
 
     Returns:
@@ -82,7 +82,7 @@ def uncertainty(baselines: Array, rd: Array, variance: Array, sigma_p: float) ->
     Args:
         baselines: (..., N, d), m.
         rd: (..., N), m.
-        variance: Of the RDs, (N,), m².
+        variance: Variance of the RDs, (N,), m².
         sigma_p: 1-sigma of every UAV's position per axis, m.
     """
     d = baselines.shape[-1]
@@ -111,7 +111,7 @@ def ncrkf_update(
         P: Its covariance, (..., 3(d + 1), 3(d + 1)).
         baselines: Measured m_j, (..., N, d), m.
         rd: Measured range differences, (..., N), m.
-        variance: Of the RDs, (N,), m².
+        variance: Variance of the RDs, (N,), m².
         sigma_p: 1-sigma of every UAV's position per axis, m.
 
     Returns:
@@ -162,7 +162,7 @@ def okf_update(
         true_rd: (..., N), m.
         baselines: Measured m_j, (..., N, d), m.
         rd: Measured, (..., N), m.
-        variance: Of the RDs, (N,), m².
+        variance: Variance of the RDs, (N,), m².
         sigma_p: 1-sigma of every UAV's position per axis, m.
 
     Returns:

@@ -41,7 +41,7 @@ def exact_independent(design: Array, range_m: float, noise: Noise) -> Array:
     Args:
         design: (..., N, 2) of (theta rad, d m).
         range_m: From the reference UAV to the emitter, m.
-        noise: Of the range differences; rho has no part in it.
+        noise: Noise of the range differences; rho has no part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -56,7 +56,7 @@ def exact_correlated(design: Array, range_m: float, noise: Noise) -> Array:
     Args:
         design: (..., N, 2) of (theta rad, d m).
         range_m: From the reference UAV to the emitter, m.
-        noise: Of the range differences.
+        noise: Noise of the range differences.
 
     Returns:
         (...), 1/m⁴.
@@ -75,7 +75,7 @@ def exact_correlated_unknown_range(design: Array, range_m: float, noise: Noise) 
     Args:
         design: (..., N, 2) of (theta rad, d m).
         range_m: From the reference UAV to the emitter, m.
-        noise: Of the range differences.
+        noise: Noise of the range differences.
 
     Returns:
         (...), 1/m⁴.
@@ -102,7 +102,7 @@ def measurement_covariance(design: Array, range_m: float, noise: Noise) -> Array
     Args:
         design: (..., N, 2) of (theta rad, d m).
         range_m: From the reference UAV to the emitter, m.
-        noise: Of the range differences.
+        noise: Noise of the range differences.
 
     Returns:
         (..., N, N), m⁴.
@@ -126,7 +126,7 @@ def far_field(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m).
-        noise: Of the range differences; rho has no part in it.
+        noise: Noise of the range differences; rho has no part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -144,7 +144,7 @@ def far_field_exact_positions(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m).
-        noise: Of the range differences; only sigma_r has a part in it.
+        noise: Noise of the range differences; only sigma_r has a part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -161,7 +161,7 @@ def tangent_variance(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m); the distances have no part in it.
-        noise: Of the range differences; only sigma_r has a part in it.
+        noise: Noise of the range differences; only sigma_r has a part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -181,7 +181,7 @@ def least_tangent_variance(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m), N at least 2; the last row is not looked at.
-        noise: Of the range differences; only sigma_r has a part in it.
+        noise: Noise of the range differences; only sigma_r has a part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -205,7 +205,7 @@ def perpendicular_limit(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m).
-        noise: Of the range differences; only sigma_r has a part in it.
+        noise: Noise of the range differences; only sigma_r has a part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -223,7 +223,7 @@ def perpendicular_limit_by_pairs(design: Array, noise: Noise) -> Array:
 
     Args:
         design: (..., N, 2) of (theta rad, d m).
-        noise: Of the range differences; only sigma_r has a part in it.
+        noise: Noise of the range differences; only sigma_r has a part in it.
 
     Returns:
         (...), 1/m⁴.
@@ -245,7 +245,7 @@ def least_over_los(
     the result is above the least by no more than h²/8 of its second derivative, h the step.
 
     Args:
-        index: Of designs (..., N, 2), vectorised: ``lambda d: far_field(d, noise)``.
+        index: A function of designs (..., N, 2), vectorised: ``lambda d: far_field(d, noise)``.
         design: (..., N, 2) of (theta rad, d m), theta from the middle of the sector.
         sector_rad: Half width of the sector, rad.
         steps: LOS angles looked at, evenly spaced with both edges; odd has the middle as well.

@@ -99,7 +99,7 @@ def increment_covariance(
     Args:
         baselines: True m_j, (..., N, d), m.
         rd: True range differences, (..., N), m.
-        weight: Of the true values.
+        weight: R and W, made of the true values.
         rd_covariance: Covariance Cr of the receivers' RD noise, (N, N), m².
         sigma_p: 1-sigma of every UAV's position per axis, m.
 

@@ -1,7 +1,7 @@
-"""Receivers as they are: clocks, navigation errors that last, coloured errors, echoes.
+"""Receivers whose errors are not white: clocks, navigation, coloured errors and echoes.
 
-What :mod:`~swarmctl.estimation.model.receiver_errors` models, drawn. The engagement's own noise
-(:func:`~swarmctl.study.engagement.measure`) is white.
+The errors that :mod:`~swarmctl.estimation.model.receiver_errors` models are drawn here. The
+engagement's own noise (:func:`~swarmctl.study.engagement.measure`) is white.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from swarmctl.units import Array
 ECHO_M = (50.0, 300.0)
 """What an echo adds to a range difference: uniform, m."""
 _NOTHING_M = 1e6
-"""1-sigma of a range difference that tells nothing: what filters hear in a silence, for they
-know nothing but scans."""
+"""1-sigma of a range difference that tells nothing, m: filters are given such ones in a silence,
+because they know nothing but scans."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SimulatedReceivers:
         arrival_m: 1-sigma of the white noise of an arrival, m; a range difference (RD) has
             sqrt(2) of it, half of the variance being the reference's.
         position_m: 1-sigma of the white noise of a reported position per axis, m.
-        errors: What is not white.
+        errors: The errors that are not white.
         echoes: Share of the RDs that are echoes.
     """
 
@@ -43,12 +43,12 @@ class SimulatedReceivers:
     echoes: float = 0.0
 
     def white_covariance(self, companions: int) -> Array:
-        """Of the RDs about those at the reported positions, what is white of it, (N, N), m²."""
+        """White part of the covariance of the RDs about those at reported positions, (N, N), m²."""
         variance = self.arrival_m**2 + self.position_m**2
         return variance * (np.eye(companions) + 1.0)
 
     def all_white(self) -> SimulatedReceivers:
-        """As a filter is told that knows white noise only: the same sigmas in all."""
+        """White errors of the same total sigmas: what a filter is told that knows no others."""
         errors = self.errors
         return replace(
             self,
@@ -59,14 +59,14 @@ class SimulatedReceivers:
 
 
 class Heard(NamedTuple):
-    """What the receivers report of one epoch in some runs.
+    """What the receivers report at one epoch, in some runs.
 
     Attributes:
-        time_s: Since the start.
+        time_s: Time since the start.
         moment: The truth.
-        positions: Reported, the reference UAV's first, (runs, N + 1, 2), m.
-        rd: Without echoes, (runs, N), m.
-        echo: What echoes add, (runs, N), m.
+        positions: Reported positions, the reference UAV's first, (runs, N + 1, 2), m.
+        rd: RDs without echoes, (runs, N), m.
+        echo: What echoes add to them, (runs, N), m.
         companions: How many of the N are heard, the first ones.
     """
 
@@ -79,14 +79,15 @@ class Heard(NamedTuple):
 
 
 class Reception:
-    """The receivers of some runs on their way.
+    """The receivers of some runs, with their errors as they are at the newest epoch.
 
     Args:
         receivers: Their errors.
         runs: How many runs.
         companions: N.
-        of_noise: Drives all errors but echoes.
-        of_echoes: Drives echoes, so that a feed without them has the same noise.
+        of_noise: The generator that drives all errors but echoes.
+        of_echoes: The generator that drives echoes, so that a feed without them has the same
+            noise.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class Reception:
         """The next epoch.
 
         Args:
-            time_s: Since the start.
+            time_s: Time since the start.
             moment: The truth then.
             companions: How many are heard; None for all.
         """
@@ -148,7 +149,7 @@ class Reception:
 
 
 def scan_of(heard: Heard, receivers: SimulatedReceivers) -> Scan:
-    """What a filter is given of it that knows white noise only, echoes included."""
+    """The scan for a filter that knows white noise only, with echoes."""
     told, moment = receivers.all_white(), heard.moment
     count = heard.companions or heard.rd.shape[-1]
     sigma_m = told.arrival_m if heard.companions else _NOTHING_M

@@ -55,10 +55,10 @@ def fixed_frame(prior: RelativePrior) -> tuple[Array, Array]:
 
 
 class Start(Protocol):
-    """A way to begin."""
+    """A way to begin a run."""
 
     def covariance(self) -> Array:
-        """Of the prior, in the paper's state, (9, 9)."""
+        """Covariance of the prior, in the paper's state, (9, 9)."""
 
     def draw(self, engagement: Engagement, rng: np.random.Generator, runs: int) -> Draw:
         """Begin ``runs`` runs."""
@@ -86,7 +86,7 @@ class DrawnEstimate:
 class DrawnTruth:
     """As a Bayesian means it: x^_0 is fixed, the truth is drawn N(x^_0, P0) and disturbed.
 
-    Of x^_0 only position and velocity are fixed, which is all the truth has. The paper's
+    Only position and velocity of x^_0 are fixed, which is all the truth has. The paper's
     filters also start with a range and an acceleration; those are drawn as in Table 1.
     """
 
@@ -138,7 +138,7 @@ class RangeIgnorant:
 
 @dataclass(frozen=True)
 class Anywhere:
-    """Nothing is known: the emitter is somewhere round the swarm, its velocity not known either.
+    """Nothing is known: neither where the emitter is round the swarm nor its velocity.
 
     The mean is at the reference UAV, where no filter can linearise.
     """
@@ -147,7 +147,7 @@ class Anywhere:
     speed_mps: float = 30.0
 
     def covariance(self) -> Array:
-        """As :meth:`Start.covariance`; of a place that is uniform over the disc."""
+        """As :meth:`Start.covariance`, for a place that is uniform over the disc."""
         P = table_1_covariance()
         P[:3, :3] = np.diag([0.25, 0.25, 0.5]) * self.reach_m**2
         P[3:6, 3:6] = np.diag([1.0, 1.0, 2.0]) * self.speed_mps**2

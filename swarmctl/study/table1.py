@@ -1,4 +1,4 @@
-"""The paper's simulation, Table 1 and Figs. 2-9, with what it leaves out: bound and NEES."""
+"""The paper's simulation, Table 1 and Figs. 2-9, with the bound and the NEES it leaves out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AXES = ("x", "y", "vx", "vy")
 
 @dataclass(frozen=True)
 class Scene:
-    """The true flight of one formation, and how much it tells.
+    """The true flight of one formation, and how much information it gives.
 
     Attributes:
         emitter: (K, 2), m.
@@ -53,12 +53,12 @@ class Scene:
 
 @dataclass(frozen=True)
 class Table1:
-    """What came of it.
+    """The results of the study.
 
     Attributes:
         campaign: What was flown.
-        results: By formation.
-        scenes: By formation.
+        results: The statistics of each formation, by name.
+        scenes: The true flight of each formation, by name.
     """
 
     campaign: Campaign
@@ -92,12 +92,12 @@ def run_table1(
 
     Args:
         registry: The filters and formations to compare.
-        runs: The paper has 200.
-        seed: Of all draws.
+        runs: Runs of each formation; the paper has 200.
+        seed: The seed of all draws.
         rho: Share of the RD variance from the reference receiver; the paper's noise is
             independent, 0.
-        executor: Where; None for this process.
-        on_progress: Told how many runs are done, of how many.
+        executor: Where the runs are flown; None for this process.
+        on_progress: Is told how many runs are done, and of how many.
 
     Raises:
         UsageError: runs is below 2 or the seed negative.

@@ -1,4 +1,4 @@
-"""What is kept of Monte Carlo runs: sums over the runs at every epoch, and their statistics.
+"""Sums over Monte Carlo runs at every epoch, and the statistics made of them.
 
 Sums add, so runs may be reduced as they come, in any number of chunks; memory does not grow
 with the number of runs.
@@ -140,7 +140,7 @@ class Tally:
     def rmse_interval(self) -> Array:
         """95 % confidence interval of the RMSE, (K, 2), m.
 
-        Of the mean square, by the central limit theorem; then its root.
+        The interval of the mean square by the central limit theorem, then its root.
         """
         low, high = _interval(self.position_square, self.position_fourth, self.finite)
         interval: Array = np.sqrt(np.stack([np.maximum(low, 0.0), high], axis=-1))
@@ -194,7 +194,7 @@ class BoundTally:
 
 
 def _mean(total: Array, count: Array) -> Array:
-    """Of ``count`` numbers that add up to ``total``; NaN where there are none."""
+    """Mean of ``count`` numbers that add up to ``total``; NaN where there are none."""
     mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0.0)
     return mean
 
@@ -218,7 +218,7 @@ class Interval(NamedTuple):
 
 
 def mean_of(values: Array) -> Interval:
-    """Of independent numbers, (runs,), by the central limit theorem."""
+    """Mean of independent numbers, (runs,), by the central limit theorem."""
     mean = float(values.mean())
     half = NORMAL_95 * float(values.std(ddof=1)) / math.sqrt(len(values))
     return Interval(mean, mean - half, mean + half)
@@ -233,7 +233,7 @@ def root_ratio(squares: Array, others: Array) -> Interval:
 
 
 def share(count: int, runs: int) -> Interval:
-    """Of runs, with the exact interval of Clopper and Pearson."""
+    """Share of the runs, with the exact interval of Clopper and Pearson."""
     low = float(betaincinv(count, runs - count + 1, 0.025)) if count else 0.0
     high = float(betaincinv(count + 1, runs - count, 0.975)) if count < runs else 1.0
     return Interval(count / runs, low, high)

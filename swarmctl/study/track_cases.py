@@ -1,6 +1,6 @@
-"""What the live tracker is tried on: each experiment, and what it is held to.
+"""The experiments of the track study, and what the live track is held to in each.
 
-All fly Table 1's engagement with companions at 300 m. The tracker is always told the truth
+All fly Table 1's engagement with companions at 300 m. The track is always told the truth
 about the receivers, that the emitter may manoeuvre, and nothing else.
 """
 
@@ -18,7 +18,7 @@ from swarmctl.study.registry import ProcessNoise
 from swarmctl.study.starts import Anywhere, DrawnEstimate, DrawnTruth, RangeIgnorant, Start
 
 MANOEUVRE = Manoeuvre(20.0)
-"""What the tracker is told of every emitter."""
+"""What the track is told of every emitter."""
 
 PERPENDICULAR = (-90.0, 0.0, 90.0)
 """Angles of the companions from the line of sight in the paper's formation of N = 3, degrees."""
@@ -30,10 +30,10 @@ TIMES_S = (1.0, 4.0, 8.0, 12.0, 16.0)
 
 
 class TrackTolerance(NamedTuple):
-    """What the tracker is held to at some times.
+    """What the track is held to at some times.
 
     Attributes:
-        times_s: When.
+        times_s: Times since the start.
         ratio: Greatest RMSE over the bound; None for any.
         nees: Least and greatest mean position NEES; None for any.
     """
@@ -47,8 +47,8 @@ class Gap(NamedTuple):
     """Receivers that fall silent.
 
     Attributes:
-        from_s: When.
-        until_s: When they are back.
+        from_s: When they fall silent.
+        until_s: When they are heard again.
         left: Companions that are heard meanwhile, beside the reference UAV; 0 is silence.
     """
 
@@ -62,16 +62,17 @@ class TrackCase:
     """One experiment.
 
     Attributes:
-        title: What it is.
-        start: What is drawn.
-        receivers: Their errors.
-        period_s: Between two measurements.
+        title: What it tries, in words.
+        start: How a run begins.
+        receivers: The errors of the receivers.
+        period_s: Time between two measurements.
         tolerances: What the RMSE and the NEES are held to.
         times_s: When the tracks are judged; the last is the end.
-        process_noise: Of the models, and of the emitter if the start disturbs it, m²/s³.
+        process_noise: Process noise of the models, and of the emitter if the start disturbs it,
+            per axis, m²/s³.
         formation: Angles from the line of sight, degrees.
-        speed_mps: Of the reference UAV; None for Table 1's.
-        turn: What the emitter does besides.
+        speed_mps: Speed of the reference UAV; None for Table 1's.
+        turn: A change of the emitter's velocity.
         gap: When receivers fall silent.
         echo_ratio: Greatest RMSE over that without echoes; None where there are none.
         first: Latest time of the first estimate, s, and its greatest mean NEES; None for any.

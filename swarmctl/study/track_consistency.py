@@ -1,8 +1,8 @@
-"""The live tracker on everything that white noise is not.
+"""Error and consistency of the live track where the noise is not white.
 
 The cases are :mod:`~swarmctl.study.track_cases`; :mod:`~swarmctl.study.track_runs` flies them.
 
-The bound is that of the right model (:mod:`~swarmctl.estimation.bounds.augmented_pcrb`): of
+The bound is that of the right model (:mod:`~swarmctl.estimation.bounds.augmented_pcrb`):
 receivers with these errors, and an emitter that does not manoeuvre.
 """
 
@@ -34,7 +34,7 @@ from swarmctl.study.track_runs import JUDGED, WITHOUT_ECHOES, Chunk, ChunkResult
 CHUNK = 20
 """Runs flown by a worker at once: some ten seconds."""
 _EPOCH_S = 8e-4
-"""What an epoch of the tracker and of the filters beside it costs on one core, s."""
+"""Time that an epoch of the track and of the filters beside it takes on one core, s."""
 
 
 # --- Results ---------------------------------------------------------------------------
@@ -45,10 +45,10 @@ class TrackInstant:
     """One filter at one time.
 
     Attributes:
-        time_s: Since the start.
-        rmse_m: Of the position.
-        bound_m: Of the right model.
-        ratio: RMSE over it.
+        time_s: Time since the start.
+        rmse_m: Root mean square of the position error.
+        bound_m: Bound of the right model.
+        ratio: RMSE over the bound.
         nees: Mean position NEES.
         inside_95: Share of runs with the truth inside the claimed 95 % ellipse.
     """
@@ -67,8 +67,8 @@ class Measure:
 
     Attributes:
         name: What it is.
-        figure: With its interval.
-        greatest: What it is held to; None for nothing.
+        figure: The figure with its interval.
+        greatest: The greatest that is within tolerance; None for any.
     """
 
     name: str
@@ -81,13 +81,13 @@ class TrackRow:
     """One filter in one case.
 
     Attributes:
-        case: Its name.
-        filter: Its name.
-        runs: ChunkResult.
-        instants: At the case's times.
+        case: The case's name.
+        filter: The filter's name.
+        runs: Runs flown.
+        instants: The figures at the case's times.
         lost: Tracks lost at 12 s.
-        measures: What else the case asks for.
-        shortfalls: Which targets were missed, as sentences; None if none are set for it.
+        measures: The other figures that the case asks for.
+        shortfalls: What is out of tolerance, as sentences; None if the row has no tolerance.
     """
 
     case: str
@@ -111,15 +111,15 @@ def run_track_consistency(
     executor: Executor | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[TrackRow]:
-    """Fly cases with the tracker and with every registered filter.
+    """Fly cases with the live track and with every registered filter.
 
     Args:
-        registry: The filters to fly beside it.
-        runs: Per case.
-        seed: Of all draws.
+        registry: The filters to fly beside the track.
+        runs: Runs of each case.
+        seed: The seed of all draws.
         cases: Names in :data:`~swarmctl.study.track_cases.CASES`.
-        executor: Where; None for this process.
-        on_progress: Told how many runs are done, of how many.
+        executor: Where the runs are flown; None for this process.
+        on_progress: Is told how many runs are done, and of how many.
 
     Raises:
         UsageError: A case is unknown, runs below 2, or the seed negative.
@@ -151,9 +151,9 @@ def run_track_consistency(
 
 
 def cost_s(cases: Sequence[str]) -> float:
-    """About how long one run of each takes on one core, s."""
+    """About how long one run of each case takes on one core, s."""
     flown = [CASES[name] for name in cases]
-    # Where there are echoes the tracker flies a second time without them.
+    # Where there are echoes the track flies a second time without them.
     epochs = sum(
         case.times_s[-1] / case.period_s * (1 if case.echo_ratio is None else 2) for case in flown
     )
@@ -164,7 +164,7 @@ def cost_s(cases: Sequence[str]) -> float:
 
 
 def _rows(name: str, case: TrackCase, flown: Sequence[ChunkResult]) -> list[TrackRow]:
-    """The tracker's rows, then the filters'."""
+    """The track's rows, then the filters'."""
     bound = flown[0].bound
     tallies = dict(flown[0].tallies)
     for other in flown[1:]:
@@ -213,7 +213,7 @@ def _instants(case: TrackCase, tally: Tally, bound: BoundTally) -> tuple[TrackIn
 
 
 def _measures(case: TrackCase, tracks: Tracked, clean: Tracked | None) -> list[Measure]:
-    """What the case asks for besides the table, then what is of interest in all."""
+    """The figures that the case asks for besides the table, then those of every case."""
     measures = []
     if clean is not None:
         for k, time_s in enumerate(case.times_s):
@@ -250,9 +250,9 @@ def _measures(case: TrackCase, tracks: Tracked, clean: Tracked | None) -> list[M
 def _shortfalls(
     case: TrackCase, instants: Sequence[TrackInstant], lost: int, measures: Sequence[Measure]
 ) -> tuple[str, ...]:
-    """Targets the confidence intervals do not reach, as sentences.
+    """What is out of tolerance by its whole confidence interval, as sentences.
 
-    Where the side is unknown, to be on the wrong one is no fault if that is said.
+    Where the side is unknown, a track on the wrong side is no fault if it says so.
     """
     missed = [f"{lost} tracks lost at {LOST_AT_S:g} s"] if lost and not case.sides else []
     at = {instant.time_s: instant for instant in instants}

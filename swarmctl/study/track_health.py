@@ -1,8 +1,8 @@
-"""Does the tracker say so when its model is wrong, and hold its peace while it is right?
+"""Does the track say so when its model is wrong, and only then?
 
 Every run flies Table 1's engagement at 10 Hz from Table 1's P0. At :data:`FROM_S` the feed
-becomes something else than the tracker was told; from then on the health should say so. What it
-says before, or in a feed that stays good, is a false alarm.
+becomes something else than the track was told; from then on its health should say so. An alarm
+before, or in a feed that stays good, is a false alarm.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from swarmctl.units import Array
 CHUNK = 20
 """Runs flown by a worker at once."""
 PERIOD_S = 0.1
-"""Between two measurements, s."""
+"""Time between two measurements, s."""
 FROM_S = 4.0
 """When a feed goes wrong, s."""
 UNTIL_S = 12.0
 """How long each run lasts, s."""
 WITHIN_S = 5.0
-"""How soon it must be said, s."""
+"""Time after the fault within which the health must name it, s."""
 MAX_FALSE_ALARMS_PER_HOUR = 1.0
 """False alarms an hour of good data, at most."""
 
@@ -56,11 +56,11 @@ FAULTS = (
     "two receivers are swapped",
     "the feed is constant",
 )
-"""What goes wrong; none of it is in the model that the tracker is told."""
+"""What goes wrong; the model that the track is told has none of it."""
 
 
 class _Fault:
-    """A fault on its way, in some runs."""
+    """A fault and its memory, in some runs."""
 
     def __init__(self, name: str, rng: np.random.Generator) -> None:
         self._name = name
@@ -69,12 +69,12 @@ class _Fault:
         self._first_rd: Array | None = None
 
     def spoil(self, since_s: float, positions: Array, rd: Array) -> tuple[Array, Array]:
-        """What is reported instead, every :data:`PERIOD_S`.
+        """Positions and RDs that are reported instead, every :data:`PERIOD_S`.
 
         Args:
-            since_s: Since the fault began, s.
-            positions: Reported, the reference UAV's first, (runs, 4, 2), m.
-            rd: (runs, 3), m.
+            since_s: Time since the fault began, s.
+            positions: Reported positions, the reference UAV's first, (runs, 4, 2), m.
+            rd: Range differences, (runs, 3), m.
         """
         one = np.array([1.0, 0.0, 0.0])
         match self._name:
@@ -109,17 +109,17 @@ class _Fault:
 
 @dataclass(frozen=True)
 class HealthRow:
-    """What the health said to one fault.
+    """What the health said of one fault.
 
     Attributes:
-        fault: Its name.
-        runs: Flown.
-        named: Share of runs in which it was said within :data:`WITHIN_S`; None without fault.
-        latest_s: The longest it took, in the runs in which it was said at all; NaN for never.
-        causes: What was named first, and in how many runs.
-        false_alarms: Times an hour of good data: before the fault, or all of it.
-        hours: Of good data.
-        shortfalls: Which targets were missed, as sentences.
+        fault: The fault's name.
+        runs: Runs flown.
+        named: Share of runs with an alarm within :data:`WITHIN_S`; None without a fault.
+        latest_s: Longest time to the alarm, in the runs that had one; NaN if none had.
+        causes: Causes named first, each with the number of runs.
+        false_alarms: False alarms in an hour of good data: before the fault, or all of it.
+        hours: Hours of good data.
+        shortfalls: What is out of tolerance, as sentences.
     """
 
     fault: str
@@ -133,7 +133,7 @@ class HealthRow:
 
 
 class _Said(NamedTuple):
-    """Of one run."""
+    """What the health said in one run."""
 
     false_alarms: int
     after_s: float  # NaN for never
@@ -151,15 +151,15 @@ def run_track_health(
     """Fly every fault.
 
     Args:
-        runs: Of each.
-        seed: Of all draws.
+        runs: Runs of each fault.
+        seed: The seed of all draws.
         faults: Names in :data:`FAULTS`.
-        executor: Where; None for this process.
-        on_progress: Told how many runs are done, of how many.
+        executor: Where the runs are flown; None for this process.
+        on_progress: Is told how many runs are done, and of how many.
 
     Raises:
         UsageError: Runs below 1.
-        EstimationError: The tracker failed.
+        EstimationError: The track failed.
     """
     if runs < 1:
         raise UsageError(f"A study of health needs at least 1 run, not {runs}.")
@@ -175,7 +175,7 @@ def run_track_health(
 
 
 def cost_s(faults: Sequence[str]) -> float:
-    """About how long one run of each takes on one core, s."""
+    """About how long one run of each fault takes on one core, s."""
     return 0.07 * len(faults)
 
 

@@ -1,4 +1,4 @@
-"""Chunks of runs with the live tracker, and with the filters beside it on the same draws.
+"""Chunks of runs with the live track, and with the filters beside it on the same draws.
 
 A track is one object that is handed one epoch after the other, so its runs are flown one by one.
 The filters of :mod:`~swarmctl.study.registry` are told that all errors are white with their full
@@ -34,14 +34,14 @@ from swarmctl.study.track_cases import MANOEUVRE, TrackCase
 from swarmctl.units import Array, Mask
 
 JUDGED = "tracker"
-"""The row that targets are set for."""
+"""The row that is held to a tolerance: the filter of a mission by default."""
 WITHOUT_ECHOES = "tracker, no echoes"
 _CARRIED = 0.01
 """A hypothesis of at least this probability is one that a user has been told of."""
 
 
 class Tracked(NamedTuple):
-    """What came of some runs of the tracker, which are the first axis; T times.
+    """Errors and claims of the track in some runs, at T times; the first axis is the runs.
 
     Attributes:
         error: Estimate less truth, position and velocity, (runs, T, 4); NaN without estimate.
@@ -65,7 +65,7 @@ class Tracked(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """The runs of several."""
+        """The runs of several parts together."""
         return cls(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
     def tally(self) -> Tally:
@@ -97,12 +97,12 @@ class Chunk(NamedTuple):
 
 
 class ChunkResult(NamedTuple):
-    """What came of a chunk.
+    """Results of a chunk.
 
     Attributes:
-        tracked: Of the tracker, by row.
-        tallies: Of the filters at the case's times, by name.
-        bound: Of the right model at these times.
+        tracked: The track's, by row.
+        tallies: The filters' at the case's times, by name.
+        bound: Bound of the right model at these times.
     """
 
     tracked: dict[str, Tracked]
@@ -161,14 +161,14 @@ def _scene(case: TrackCase) -> Engagement:
 
 
 def _companions(case: TrackCase, time_s: float) -> int:
-    """How many are heard."""
+    """How many companions are heard."""
     if case.gap is not None and case.gap.from_s <= time_s < case.gap.until_s:
         return case.gap.left
     return len(case.formation)
 
 
 def _of_run(moment: Moment, run: int) -> Moment:
-    """Of one of several trajectories."""
+    """One run of a moment of several."""
     return Moment(
         moment.dt,
         moment.emitter[run],
@@ -179,7 +179,7 @@ def _of_run(moment: Moment, run: int) -> Moment:
 
 
 def _bound(case: TrackCase, draw: Draw, moments: Sequence[Moment]) -> BoundTally:
-    """Along one trajectory, at the case's times."""
+    """Bound along one trajectory, at the case's times."""
     bound = AugmentedBound(
         fixed_frame(draw.prior)[1], case.receivers.errors, np.array(case.process_noise)
     )
@@ -204,7 +204,7 @@ def _bound(case: TrackCase, draw: Draw, moments: Sequence[Moment]) -> BoundTally
 
 
 def _track(case: TrackCase, draw: Draw, heard: Sequence[Heard], *, with_echoes: bool) -> Tracked:
-    """Fly the tracker through all runs of a chunk."""
+    """Fly the track through all runs of a chunk."""
     means, covariance = fixed_frame(draw.prior)
     return Tracked.joined(
         [
@@ -217,7 +217,7 @@ def _track(case: TrackCase, draw: Draw, heard: Sequence[Heard], *, with_echoes: 
 def _track_run(
     case: TrackCase, prior: Prior, heard: Sequence[Heard], run: int, *, with_echoes: bool
 ) -> Tracked:
-    """Fly it through one run."""
+    """Fly the track through one run."""
     track = FILTERS.track(
         "tracker", prior, Behaviour(case.process_noise, case.receivers.errors, MANOEUVRE)
     )

@@ -1,4 +1,4 @@
-"""Does the swarm keep apart and together while its formation changes? Seeded transitions.
+"""Does the swarm keep its limits while its formation changes? Seeded transitions.
 
 The planner flies 4 to 13 simulated airframes in gusty wind, half of the flights at one altitude,
 through everything that re-forms a formation: a first estimate, estimates that jump, waver, turn
@@ -33,7 +33,7 @@ from swarmctl.units import Array
 
 COMPANIONS = range(3, 13)
 EVENTS = ("jump", "near", "turn", "unsure", "companion lost", "reference lost")
-"""Each is a transition; so are forming up, and each return of a vehicle that was lost."""
+"""Each is a transition; forming up and each return of a lost vehicle are transitions too."""
 PER_FLIGHT = 1 + len(EVENTS) + 2
 PERIOD_S = 0.1
 STEPS = 5
@@ -43,7 +43,7 @@ FORMED_M = 3.0
 FORMING_LIMIT_S = 240.0
 """A formation that has not formed up by then counts as not formed."""
 NEAREST_M = 900.0
-"""Nearest an estimate jumps to, m: nearer, the swarm's business is to get away."""
+"""Nearest range that an estimate jumps to, m: nearer, the swarm would have to retreat."""
 SHARP_M, VAGUE_M = 30.0, 900.0
 """1-sigma of the estimate."""
 
@@ -52,8 +52,8 @@ class TransitionFlight(NamedTuple):
     """One flight through every transition.
 
     Attributes:
-        seed: Its seed.
-        companions: N.
+        seed: The flight's seed.
+        companions: Number of companions.
         separation_m: Least 3-D distance between two vehicles in the air.
         reach_m: Greatest 3-D distance of a companion in formation from the reference UAV.
         not_formed: Transitions after which the swarm did not form up again in time.
@@ -73,12 +73,12 @@ class Transitions:
     """All flights.
 
     Attributes:
-        transitions: How many.
-        flights: In how many flights.
-        min_separation_m: What the mission asks for.
-        separation_m: Least in any flight.
-        d_max_m: What the mission asks for.
-        reach_m: Greatest in any flight.
+        transitions: Number of transitions.
+        flights: Number of flights.
+        min_separation_m: Least separation the mission allows.
+        separation_m: Least separation in any flight.
+        d_max_m: Greatest distance from the reference UAV the mission allows.
+        reach_m: Greatest distance in any flight.
         not_formed: Transitions after which the swarm did not form up in time.
         swaps: Companions that took another's slot without need.
         worst_seed: Seed of the flight with the least separation.
@@ -105,10 +105,10 @@ def run_transitions(
     """Fly transitions, nine in a flight.
 
     Args:
-        count: At least as many.
-        seed: The first flight's; the next ones follow.
-        executor: Where; None for this process.
-        on_progress: Told how many flights are done, of how many.
+        count: Transitions to fly, rounded up to whole flights.
+        seed: The first flight's seed; the next flights have the seeds that follow.
+        executor: Where the flights are flown; None for this process.
+        on_progress: Is told how many flights are done, and of how many.
 
     Raises:
         UsageError: count is below 1.
@@ -286,7 +286,7 @@ class _Flight:
             self.go_on(10.0)
 
     def waver(self) -> None:
-        """An estimate that goes to and fro; nobody should take another's slot for it."""
+        """Let the estimate waver; no companion should take another's slot for it."""
         before, true = self._slots_along(), self.emitter.copy()
         for _ in range(20):
             self.emitter = true + self.rng.normal(0.0, 2.0 * SHARP_M, 2)
@@ -344,7 +344,7 @@ class _Flight:
         self.planner.add(row, self.here[row])
 
     def flown(self) -> TransitionFlight:
-        """What came of it."""
+        """The flight's results."""
         return TransitionFlight(
             self._seed,
             self.companions,

@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from swarmctl.estimation.filters import FILTERS
-from swarmctl.estimation.kernels import ekf
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import range_differences
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.model.rows import Rows, star
 from swarmctl.estimation.track.behaviour import Behaviour
 from swarmctl.estimation.track.manoeuvre import Manoeuvre
+from swarmctl.study import ekf_update as ekf
 from swarmctl.units import Array
 
 PERIOD_S = 0.1

@@ -153,6 +153,11 @@ def estimate_record(t: float, random: np.random.Generator) -> decisions.Estimate
         covariance=tuple(P.ravel().tolist()),
         nis=3.0,
         rd_count=3,
+        measured_utc_s=UTC_S + t,
+        reference=REFERENCE,
+        receivers=tuple(FOLLOWERS),
+        sigma_m=(3.0,) * len(FOLLOWERS),
+        rho=(0.5,) * len(FOLLOWERS),
     )
 
 

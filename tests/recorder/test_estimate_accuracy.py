@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from swarmctl.decisions import Estimate
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
-from swarmctl.events import ArrivalTime, RangeDifference, RangeDifferences
 from swarmctl.recorder.estimate_accuracy import Accuracy
 from swarmctl.recorder.plot_series import FlightSeries
 from swarmctl.recorder.truth import TruthTrack
-from swarmctl.units import SPEED_OF_LIGHT_MPS, Vector
+from swarmctl.units import Vector
 
 UTC_S = 1.79e9
 STILL = (0.0, 0.0, 0.0)
@@ -26,6 +26,7 @@ class Flight:
     """An accuracy with its truth; times are mission times, UTC in step."""
 
     def __init__(self) -> None:
+        self.measured: dict[str, Any] = {}
         self.truth = TruthTrack()
         self.series = FlightSeries()
         self.accuracy = Accuracy(
@@ -57,42 +58,26 @@ class Flight:
                 covariance=tuple(P.ravel().tolist()),
                 nis=1.0,
                 rd_count=2,
+                **self.measured,
             ),
             t,
             observing=observing,
         )
+        self.measured = {}
 
     def emitter(self, t: float, position: Vector) -> None:
         self.truth.add(UTC_S + t, position, STILL)
         self.accuracy.settle(UTC_S + t)
 
     def measure(self, t: float, sigmas: dict[int, float], rho: float = 0.5) -> None:
-        self.accuracy.add_range_differences(
-            RangeDifferences(
-                received_s=t,
-                epoch_utc_s=UTC_S + t,
-                reference=1,
-                items=tuple(RangeDifference(i, 0.0, sigma) for i, sigma in sigmas.items()),
-                rho=rho,
-                clock_sigma_s=0.0,
-                seq=0,
-            )
-        )
-
-    def arrive(self, t: float, sigmas: dict[int, float], burst: int) -> None:
-        for sysid, sigma in sigmas.items():
-            self.accuracy.add_arrival(
-                ArrivalTime(
-                    received_s=t,
-                    receiver=sysid,
-                    toa_s=int(UTC_S + t // 1.0),
-                    toa_frac_s=t % 1.0 + 1e-6 * (sysid - 1),
-                    burst=burst,
-                    sigma_s=sigma / SPEED_OF_LIGHT_MPS,
-                    clock_sigma_s=0.0,
-                    seq=0,
-                )
-            )
+        """The next estimate is made from these range differences."""
+        self.measured = {
+            "measured_utc_s": UTC_S + t,
+            "reference": 1,
+            "receivers": tuple(sigmas),
+            "sigma_m": tuple(sigmas.values()),
+            "rho": (rho,) * len(sigmas),
+        }
 
     def places(self, t: float, places: dict[int, Vector]) -> None:
         for sysid, place in places.items():
@@ -211,8 +196,8 @@ def test_the_bound_sums_the_information_of_the_epochs_that_were_used() -> None:
     for k in range(8):
         t = 0.5 * k
         flight.places(t, PLACES)
-        flight.measure(t, SIGMAS)
-        if k != 3:  # the tracker dropped that one
+        if k != 3:  # the queue dropped that one
+            flight.measure(t, SIGMAS)
             flight.estimate(t, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
     expected = bound(7 * information(SIGMAS, 0.5))
     assert final_bound(flight, 3.5) == pytest.approx(expected, rel=1e-6)
@@ -230,28 +215,15 @@ def test_a_receiver_without_a_position_adds_nothing_to_the_bound() -> None:
     assert final_bound(flight, 0.0) == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_epoch_in_several_messages_is_one_measurement() -> None:
+def test_range_differences_that_came_late_are_left_out_of_the_bound() -> None:
     flight = Flight()
-    flight.places(0.0, PLACES)
-    for sysid, sigma in SIGMAS.items():
-        flight.measure(0.0, {sysid: sigma})
-    flight.estimate(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
-    expected = bound(information(SIGMAS, 0.5))
-    assert final_bound(flight, 0.0) == pytest.approx(expected, rel=1e-6)
-
-
-def test_arrival_times_inform_as_their_range_differences() -> None:
-    flight = Flight()
-    own = {1: 1.5, 2: 1.5, 3: 1.5, 4: 1.5}
-    for k in range(8):
-        t = 0.5 * k
+    for t in (0.0, 0.5, 1.0):
         flight.places(t, PLACES)
-        flight.arrive(t, own, burst=k)
-        if k != 3:
-            flight.estimate(t, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
-    both = 1.5 * math.sqrt(2.0)
-    expected = bound(7 * information({2: both, 3: both, 4: both}, 0.5))
-    assert final_bound(flight, 3.5) == pytest.approx(expected, rel=1e-6)
+    for measured_at, t in ((0.0, 0.0), (1.0, 1.0), (0.5, 1.0)):
+        flight.measure(measured_at, SIGMAS)
+        flight.estimate(t, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
+    expected = bound(2 * information(SIGMAS, 0.5))
+    assert final_bound(flight, 1.0) == pytest.approx(expected, rel=1e-6)
 
 
 def test_range_differences_count_once_however_many_estimates_follow() -> None:
@@ -324,11 +296,7 @@ def test_without_truth_memory_does_not_grow() -> None:
     flight = Flight()
     for k in range(5000):
         flight.measure(float(k), SIGMAS)
-        flight.arrive(float(k), SIGMAS, burst=k)
-        if k >= 300:
-            flight.estimate(float(k), STILL, (1.0, 0.0, 1.0))
+        flight.estimate(float(k), STILL, (1.0, 0.0, 1.0))
     assert len(flight.accuracy._waiting) <= 4096
-    assert len(flight.accuracy._measured) <= 256
-    assert len(flight.accuracy._bursts) <= 256
     assert flight.accuracy.final is None
     assert flight.accuracy.final_sigma_m == pytest.approx(1.0)

@@ -78,7 +78,7 @@ def flown() -> dict[str, Flown]:
 def test_the_judged_filter_is_at_the_bound_and_its_error_bars_are_honest(
     case: str, flown: dict[str, Flown]
 ) -> None:
-    """At all times, range-ignorant starts included; no track is lost, no target missed."""
+    """At all times, range-ignorant starts included; no track is lost, none is out of tolerance."""
     row = flown[case].rows[JUDGED]
     assert [instant.time_s for instant in row.instants] == [1.0, 4.0, 8.0, 12.0]
     least, greatest = np.sqrt(mean_bounds(1, RUNS, PROBABILITY))
@@ -100,7 +100,7 @@ def test_the_paper_s_filter_is_badly_overconfident_in_the_same_draws(
     for instant in row.instants[:2]:
         half = (instant.nees.value - instant.nees.low) * NORMAL_999 / NORMAL_95
         assert instant.nees.value - half > 50.0, instant
-    assert row.shortfalls is None  # no target is set for it
+    assert row.shortfalls is None  # it has no tolerance
 
 
 def test_from_a_range_ignorant_start_the_paper_s_ncrkf_converges_and_its_ekf_does_not(
@@ -187,7 +187,7 @@ def test_a_study_of_one_run_is_refused() -> None:
         run_consistency(Registry(), runs=1, cases=("literal",))
 
 
-# --- Targets ---------------------------------------------------------------------------
+# --- Tolerances ---------------------------------------------------------------------------
 
 TOLERANCE = FilterTolerance(1.1, (1.5, 2.4))
 
@@ -219,7 +219,7 @@ def test_what_is_met_is_no_shortfall() -> None:
     assert shortfalls(fabricated(1.0, 1.0)) == ()
 
 
-def test_a_missed_target_is_a_sentence_with_the_numbers() -> None:
+def test_what_is_out_of_tolerance_is_a_sentence_with_the_numbers() -> None:
     """All errors being alike, the intervals have no width: RMSE / bound 1.5, NEES 2 x 1.5²."""
     expected = [
         sentence
@@ -239,14 +239,14 @@ def test_too_much_modesty_is_a_shortfall_too() -> None:
     assert missed[0] == "NEES 0.50-0.50 at 1 s, outside 1.5-2.4"
 
 
-def test_a_lost_track_is_a_shortfall_with_or_without_a_target() -> None:
+def test_a_lost_track_is_a_shortfall_with_or_without_a_tolerance() -> None:
     assert shortfalls(fabricated(1.0, 1.0, lost=2), None) == ("2 tracks lost at 12 s",)
     missed = shortfalls(fabricated(1.0, 1.0, lost=2))
     assert missed is not None
     assert missed[0] == "2 tracks lost at 12 s"
 
 
-def test_a_target_is_met_when_the_interval_reaches_it() -> None:
+def test_a_tolerance_is_kept_when_the_interval_reaches_it() -> None:
     """And not by the mean alone: either end, of either figure."""
 
     def instant(ratio: Interval, nees: Interval) -> list[FilterInstant]:
@@ -265,6 +265,6 @@ def test_a_target_is_met_when_the_interval_reaches_it() -> None:
         assert len(consistency._shortfalls(TOLERANCE, instant(ratio, nees), 0)) == missed
 
 
-def test_only_the_judged_filter_has_targets() -> None:
+def test_only_the_judged_filter_has_a_tolerance() -> None:
     case = FilterCase("fabricated", DrawnEstimate(), (0.0, 0.0), TOLERANCE)
     assert consistency._row("literal", case, EKF, fabricated(9.0, 1.0)).shortfalls is None

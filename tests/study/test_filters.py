@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.consistency import mean_bounds
-from swarmctl.estimation.kernels import ekf as ekf_kernel
 from swarmctl.estimation.kernels import ncrkf as ncrkf_kernel
 from swarmctl.estimation.model.motion import ConstantAcceleration, ConstantVelocity
 from swarmctl.estimation.model.range_difference import (
@@ -22,6 +21,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
+from swarmctl.study import ekf_update as ekf_kernel
 from swarmctl.study import paper_filters
 from swarmctl.study.batch_filter import (
     BatchEstimate,

@@ -208,7 +208,7 @@ def test_wrong_arguments_are_named() -> None:
         run_track_consistency(Registry(), runs=2, seed=-1)
 
 
-# --- Targets -------------------------------------------------------------------------------
+# --- Tolerances -------------------------------------------------------------------------------
 
 
 def fabricated(error_m: float, *, echoes_m: float | None = None, silent: int = 0) -> TrackRow:
@@ -259,7 +259,7 @@ def test_what_is_met_is_no_shortfall() -> None:
     )
 
 
-def test_a_missed_target_is_a_sentence_with_the_numbers() -> None:
+def test_what_is_out_of_tolerance_is_a_sentence_with_the_numbers() -> None:
     """Where it is set only: nothing is said of 4 s."""
     assert fabricated(1.5).shortfalls == (
         "RMSE / bound at least 1.50 at 12 s, above 1.1",
@@ -287,7 +287,7 @@ def test_who_is_silently_on_the_wrong_side_is_counted_once() -> None:
     assert row.shortfalls == ("silently wrong at least 3.00, above 0",)
 
 
-def test_a_target_is_met_when_the_interval_reaches_it() -> None:
+def test_a_tolerance_is_kept_when_the_interval_reaches_it() -> None:
     case = replace(CASES["clocks"], tolerances=(TrackTolerance((12.0,), 1.1, (1.5, 2.4)),))
 
     def missed(ratio: Interval, nees: Interval, measure: Interval) -> int:

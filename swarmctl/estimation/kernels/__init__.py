@@ -1,1 +1,1 @@
-"""Filter steps as pure functions: NCRKF, EKF, the update of emitter and receivers together."""
+"""Filter steps as pure functions: the NCRKF, and the update of emitter and receivers together."""

@@ -47,7 +47,10 @@ class EkfKernel(SingleModeKernel):
         expected, H = linearise(x, rows, {}, self._layout)
         ekf = self._filter
         ekf.x, ekf.P = x, P
-        ekf.update(rows.rd, lambda _: H, lambda _: expected, R=screened.covariance)
+        try:
+            ekf.update(rows.rd, lambda _: H, lambda _: expected, R=screened.covariance)
+        except ValueError:  # scipy, of numbers that are not finite
+            raise EstimationError("The rows' numbers have no finite result.") from None
         if not np.isfinite(ekf.x.sum() + ekf.P.sum()):
             raise EstimationError("The update has no finite result: its numbers exceed float64.")
         return ekf.x, ekf.P

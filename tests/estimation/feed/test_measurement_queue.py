@@ -9,6 +9,7 @@ import pytest
 
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.consistency import mean_bounds, nees
+from swarmctl.estimation.estimate import Measured
 from swarmctl.estimation.model import motion
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import (
@@ -103,6 +104,16 @@ def test_the_track_is_told_what_of_its_rows_the_noise_of_positions_is() -> None:
     assert track.rows.position_m == 0.5
     Cr = rd_covariance([3.0] * 3, 0.5)
     np.testing.assert_allclose(track.rows.covariance, effective_covariance(Cr, 0.5))
+
+
+def test_an_estimate_carries_what_it_was_made_from() -> None:
+    """An epoch in several messages is one measurement."""
+    live = live_feed()
+    report(live, 0.0)
+    for receiver, sigma in ((3, 2.0), (2, 3.0), (4, 5.0)):
+        live.add_range_differences(EPOCH, 1, [receiver], heard(0.0, 1, (receiver,)), [sigma], 0.25)
+    (update,) = live.process()
+    assert update.measured == Measured(EPOCH, 1, (3, 2, 4), (2.0, 3.0, 5.0), (0.25,) * 3)
 
 
 def test_what_an_update_hands_out_cannot_change_the_track() -> None:

@@ -1,4 +1,4 @@
-"""The live live_feed fed with arrival times: the same track as from range differences."""
+"""The live feed of arrival times: the same track as from range differences."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from swarmctl.errors import EstimationError
+from swarmctl.estimation.estimate import Estimate
 from swarmctl.units import SPEED_OF_LIGHT_MPS
 from tests.estimation.feed.live_feed import (
     DRIFT,
@@ -63,16 +64,26 @@ def test_the_track_is_that_of_range_differences_against_the_leader(
     leader: int | None, reference: int
 ) -> None:
     live, expected = live_feed(), live_feed()
+    found: list[Estimate] = []
+    wanted: list[Estimate] = []
     for k in range(31):
         report(live, 0.1 * k)
         report(expected, 0.1 * k)
         hear(live, 0.1 * k)
         hear_differences(expected, 0.1 * k, reference)
-        live.process(leader)
-        expected.process()
-    for to in (live, expected):
+        found += live.process(leader)
+        wanted += expected.process()
+    for to, estimates in ((live, found), (expected, wanted)):
         report(to, 3.2)
-        to.process(leader)
+        estimates.extend(to.process(leader))
+    for one, other in zip(found, wanted, strict=True):
+        assert one.measured is not None
+        assert other.measured is not None
+        assert one.measured.reference == other.measured.reference == reference
+        assert set(one.measured.receivers) == set(ALL) - {reference}
+        by_receiver = dict(zip(other.measured.receivers, other.measured.sigma_m, strict=True))
+        for receiver, sigma in zip(one.measured.receivers, one.measured.sigma_m, strict=True):
+            assert sigma == pytest.approx(by_receiver[receiver])
     assert live.counts.used == expected.counts.used == 93
     assert_same_track(live, expected)
 

@@ -8,11 +8,11 @@ import pytest
 from swarmctl.errors import EstimationError
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.bounds.pcrb import pcrb
-from swarmctl.estimation.kernels import ekf
 from swarmctl.estimation.kernels.augmented import innovate, linearise, update
 from swarmctl.estimation.model.motion import ConstantVelocity
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.estimation.model.rows import Rows
+from swarmctl.study import ekf_update as ekf
 from tests.estimation.receivers import PERIOD_S, REAL, WHITE, flight
 
 ALL = ReceiverErrors(9.0, 0.3, 1.5, 60.0, 0.4, 0.5)

@@ -9,7 +9,6 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from swarmctl.errors import EstimationError
-from swarmctl.estimation.kernels import ekf
 from swarmctl.estimation.model.motion import ConstantAcceleration
 from swarmctl.estimation.model.range_difference import (
     effective_covariance,
@@ -17,6 +16,7 @@ from swarmctl.estimation.model.range_difference import (
     range_differences,
     rd_covariance,
 )
+from swarmctl.study import ekf_update as ekf
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
 
