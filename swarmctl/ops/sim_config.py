@@ -20,7 +20,8 @@ from sim.config import (
 from sim.faults import Faults
 from swarmctl.errors import UsageError
 from swarmctl.frames import sped_up_utc_s
-from swarmctl.mission.mission_file import Mission, Simulation
+from swarmctl.mission.mission_file import Mission
+from swarmctl.mission.mission_file_simulation import Simulation
 from swarmctl.ops.mission_signing import signing_key
 
 OWNERS_PARAMETERS = {
