@@ -121,7 +121,8 @@ class PublicNames(SphinxDirective):
         for name in swarmctl.__all__:
             value = getattr(swarmctl, name)
             home = getattr(value, "__module__", "")
-            target = f"{home}.{value.__qualname__}" if home.startswith("swarmctl") else ""
+            is_ours = home.startswith("swarmctl") and hasattr(value, "__qualname__")
+            target = f"{home}.{value.__qualname__}" if is_ours else ""  # constants have no page
             lines.append(f"* :py:obj:`{name} <{target}>`" if target else f"* ``{name}``")
         return self.parse_text_to_nodes("\n".join(lines))
 

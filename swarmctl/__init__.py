@@ -20,8 +20,8 @@ The rest of this page is the convention sheet that every room of the package kee
 
 Units
     SI units and radians inside; degrees, 1e7-degrees, milliseconds and the like exist only
-    at the edges (the mission file, ``link/codec``, the console). A name
-    carries its unit where a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
+    at the edges (the mission file, ``link/codec``, the console). A name carries its unit where
+    a reader could doubt it: ``_m``, ``_mps``, ``_s``, ``_rad``, ``_hz``.
 
 Frames
     ``_enu``: east, north, up in metres in the tangent plane at the mission origin
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         FormationError,
         LinkError,
         MissionFileError,
+        SimulationError,
         SwarmError,
         UsageError,
     )
@@ -100,6 +101,7 @@ __all__ = [
     "ReceiverErrors",
     "Requirements",
     "Rows",
+    "SimulationError",
     "SwarmError",
     "Track",
     "UsageError",
@@ -117,6 +119,7 @@ _HOMES = {
         "FormationError",
         "LinkError",
         "MissionFileError",
+        "SimulationError",
         "SwarmError",
         "UsageError",
     ),

@@ -1,4 +1,4 @@
-"""What the operator sees: a live console, or one line every few seconds."""
+"""What the operator sees of a flight: a live console, or one line every few seconds."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Reporter:
 
     Args:
         mission: The mission.
-        headless: Lines even on a terminal.
+        headless: Print lines even on a terminal.
     """
 
     def __init__(self, mission: Mission, *, headless: bool) -> None:
@@ -116,7 +116,7 @@ def headless_line(snapshot: Snapshot) -> str:
 
 
 def render(snapshot: Snapshot, title: str, notices: list[Notice]) -> RenderableType:
-    """The live console's picture."""
+    """The live console's content."""
     head = Text.assemble(
         (f" {snapshot.phase.upper()} ", "bold white on blue"),
         f"  {snapshot.progress}",

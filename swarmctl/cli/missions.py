@@ -15,10 +15,10 @@ def shipped_missions() -> dict[str, Path]:
 
 
 def find_mission(name: str) -> Path:
-    """Path of a mission given as a file's path or a shipped one's name.
+    """Path of a mission, given as a path or as the name of a shipped one.
 
     Raises:
-        UsageError: If there is neither.
+        UsageError: There is neither such a file nor such a shipped mission.
     """
     path = Path(name)
     if path.is_file():

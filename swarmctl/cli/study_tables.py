@@ -33,7 +33,9 @@ def print_track_case(title: str, rows: list[track_consistency.TrackRow]) -> None
     """One case of the track study, time after time, and what it asks for besides."""
     shown = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name in ("at", "", "bound (m)", *(row.filter for row in rows)):
-        shown.add_column(name, justify="right" if name else "left", overflow="fold")
+        shown.add_column(
+            name, justify="right" if name else "left", overflow="fold", no_wrap=not name
+        )
     for k, instant in enumerate(rows[0].instants):
         figures = [(row.instants[k], row.shortfalls is not None) for row in rows]
         ratios = (_figure(i.ratio, judged) for i, judged in figures)

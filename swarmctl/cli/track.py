@@ -1,12 +1,13 @@
-"""``swarmctl track``: a recording of any TDOA system. Parses and prints."""
+"""``swarmctl track``: tracks a data set of any TDOA system. Parses and prints."""
 
 from __future__ import annotations
 
 import math
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 from rich import box
 from rich.console import Console
@@ -14,9 +15,12 @@ from rich.table import Table
 
 from swarmctl.errors import UsageError
 
+if TYPE_CHECKING:
+    from swarmctl.datasets.accuracy import TrackingSummary
+
 
 class FilterName(StrEnum):
-    """What can track."""
+    """The filters to choose from."""
 
     TRACKER = "tracker"
     EKF = "ekf"
@@ -29,7 +33,7 @@ def track(
     measurements: Annotated[
         Path, typer.Option("--measurements", help="time_s,receiver_i,receiver_j,rd_m[,sigma_m]")
     ],
-    out: Annotated[Path, typer.Option("--out", help="Directory for what is found.")],
+    out: Annotated[Path, typer.Option("--out", help="Directory for the results.")],
     truth: Annotated[
         Path | None, typer.Option("--truth", help="time_s,east_m,north_m,up_m")
     ] = None,
@@ -42,9 +46,11 @@ def track(
     ] = 0.1,
     colour: Annotated[
         float,
-        typer.Option("--colour", help="1-sigma of its correlated error (multipath), m; 0: none."),
+        typer.Option("--colour", help="1-sigma of the correlated error (multipath), m; 0: none."),
     ] = 0.2,
-    tau: Annotated[float, typer.Option("--tau", help="Correlation time of that, s.")] = 0.5,
+    tau: Annotated[
+        float, typer.Option("--tau", help="Correlation time of the correlated error, s.")
+    ] = 0.5,
     rho: Annotated[
         float,
         typer.Option("--rho", help="Share of the white variance from each receiver, 0 to 0.5."),
@@ -53,45 +59,50 @@ def track(
         float, typer.Option("--clock-bias", help="1-sigma of a receiver's clock, m; 0: good ones.")
     ] = 0.0,
     clock_drift: Annotated[
-        float, typer.Option("--clock-drift", help="1-sigma of its drift, m/s.")
+        float, typer.Option("--clock-drift", help="1-sigma of a receiver's clock drift, m/s.")
     ] = 0.0,
     navigation: Annotated[
         float,
         typer.Option("--navigation", help="1-sigma of receivers' positions per axis, m; 0: exact."),
     ] = 0.0,
     navigation_tau: Annotated[
-        float, typer.Option("--navigation-tau", help="Correlation time of that, s.")
+        float,
+        typer.Option("--navigation-tau", help="Correlation time of that error, s."),
     ] = 60.0,
     process_noise: Annotated[
         float,
-        typer.Option("--process-noise", help="Of the emitter's acceleration, per axis, m²/s³."),
+        typer.Option("--process-noise", help="Density of the emitter's acceleration, m²/s³."),
     ] = 0.2,
     speed: Annotated[
-        float, typer.Option("--speed", help="1-sigma of its first velocity, per axis, m/s.")
+        float,
+        typer.Option("--speed", help="1-sigma of its first velocity per axis, m/s."),
     ] = 1.0,
     at: Annotated[
         str | None,
         typer.Option(
-            "--at", metavar="E,N,U", help="Where it begins, m (default: amid the receivers)."
+            "--at",
+            metavar="E,N,U",
+            help="Where the emitter begins, m (default: amid the receivers).",
         ),
     ] = None,
     within: Annotated[
         float | None,
         typer.Option(
             "--within",
-            help="95 % sure that it begins so near to there along each axis, m"
+            help="The emitter begins this near to --at along each axis, 95 % sure, m"
             " (default: four apertures).",
         ),
     ] = None,
     height: Annotated[
-        float | None, typer.Option("--height", help="Its height if that is known, m (2-D).")
+        float | None,
+        typer.Option("--height", help="Height of the emitter if known, m (2-D)."),
     ] = None,
 ) -> None:
-    """Track the emitter of a recording of any TDOA system: radio, UWB, acoustic."""
-    from swarmctl.datasets.run import run  # noqa: PLC0415
-    from swarmctl.datasets.tracking import Settings  # noqa: PLC0415 - loads numpy
+    """Track the emitter in a data set of any TDOA system: radio, UWB, acoustic."""
+    from swarmctl.datasets.track_files import track_files  # noqa: PLC0415
+    from swarmctl.datasets.tracking import Assumptions  # noqa: PLC0415 - loads numpy
 
-    settings = Settings(
+    assumed = Assumptions(
         sigma_m=sigma,
         colour_m=colour,
         tau_s=tau,
@@ -106,8 +117,8 @@ def track(
         within_m=within,
         height_m=height,
     )
-    found = run(receivers, measurements, truth, out, name=name.value, settings=settings)
-    _print(found)
+    summary = track_files(receivers, measurements, truth, out, name=name.value, assumed=assumed)
+    _print(summary)
     typer.echo(f"estimates.csv, summary.json, track.png and error.png are in {out}")
 
 
@@ -122,7 +133,7 @@ def _position(text: str) -> tuple[float, float, float]:
 
 
 _SHOWN = (
-    ("recorded", "duration_s", "{:.1f} s"),
+    ("duration", "duration_s", "{:.1f} s"),
     ("faster than real time", "times_real_time", "{:.1f} x"),
     ("first estimate after", "first_estimate_s", "{:.2f} s"),
     ("range differences rejected", "share_rejected", "{:.1%}"),
@@ -139,21 +150,18 @@ _SHOWN = (
 )
 
 
-def _print(found: dict[str, object]) -> None:
+def _print(summary: TrackingSummary) -> None:
+    figures = summary.figures
     shown = Table(box=box.SIMPLE, pad_edge=False, show_header=False)
     shown.add_column()
     shown.add_column(justify="right")
     for label, key, form in _SHOWN:
-        if key in found:
-            value = found[key]
+        value = getattr(figures, key)
+        if value is not msgspec.UNSET:
             shown.add_row(label, "-" if value is None else form.format(value))
-    health = found["health"]
-    if isinstance(health, dict):
-        for status, share in health.items():
-            shown.add_row(status, f"{share:.1%}")
+    for status, share in figures.health.items():
+        shown.add_row(status, f"{share:.1%}")
     console = Console(highlight=False)
     console.print(shown)
-    wrong = found["wrong"]
-    if isinstance(wrong, list):
-        for what in wrong:
-            console.print(f"{what['share']:.1%} of the time: {what['sentence']}", markup=False)
+    for finding in summary.wrong:
+        console.print(f"{finding.share:.1%} of the time: {finding.sentence}", markup=False)

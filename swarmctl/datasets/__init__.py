@@ -1,1 +1,1 @@
-"""Recordings of any TDOA system: read from CSV files, tracked, judged against the truth."""
+"""Data sets of any TDOA system: read from CSV files, tracked, compared with the truth."""

@@ -1,4 +1,4 @@
-"""CSV files with a header, read so that what is wrong is said with its file and its line."""
+"""CSV files with a header; an error names the file and the line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Line:
 
     Attributes:
         path: The file.
-        number: Number of the line in it; the header is line 1.
+        number: Number of the line; the header is line 1.
         cells: Text by column.
     """
 
@@ -25,20 +25,20 @@ class Line:
     number: int
     cells: dict[str, str]
 
-    def wrong(self, what: str) -> UsageError:
-        """What to raise if something about this line is."""
-        return UsageError(f"{self.path}, line {self.number}: {what}")
+    def error(self, text: str) -> UsageError:
+        """The exception to raise if something is wrong with this line."""
+        return UsageError(f"{self.path}, line {self.number}: {text}")
 
     def number_in(self, column: str, *, positive: bool = False, largest: float = math.inf) -> float:
-        """A finite number.
+        """Read a finite number.
 
         Args:
-            column: Where.
+            column: Column of the cell.
             positive: Whether it must be above 0.
-            largest: What its size must not exceed.
+            largest: Limit of its absolute value.
 
         Raises:
-            UsageError: It is not one, or not such a one.
+            UsageError: The cell is no finite number, or not within the limits.
         """
         text = self.cells[column]
         try:
@@ -46,37 +46,37 @@ class Line:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise self.wrong(f"{column} is {text!r}; a finite number would be right.")
+            raise self.error(f"{column} is {text!r}; a finite number would be right.")
         if abs(value) > largest:
-            raise self.wrong(f"{column} is {text}; at most {largest:g} would be right.")
+            raise self.error(f"{column} is {text}; at most {largest:g} would be right.")
         if positive and value <= 0.0:
-            raise self.wrong(f"{column} is {text}; a number above 0 would be right.")
+            raise self.error(f"{column} is {text}; a number above 0 would be right.")
         return value
 
     def name_in(self, column: str) -> str:
-        """A text that is not empty.
+        """Read a text that is not empty.
 
         Raises:
-            UsageError: It is.
+            UsageError: The cell is empty.
         """
         text = self.cells[column]
         if not text:
-            raise self.wrong(f"{column} is empty; the name of a receiver would be right.")
+            raise self.error(f"{column} is empty; the name of a receiver would be right.")
         return text
 
 
 def lines(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> Iterator[Line]:
-    """The lines of a table, one after the other; empty ones are skipped.
+    """Read the lines of a table, one after the other; empty lines are skipped.
 
     Args:
-        path: The file, UTF-8. Its first line names the columns, in any order; those that are
+        path: The file, UTF-8. Its first line names the columns, in any order; columns that are
             neither required nor optional are ignored.
         required: Columns that must be there.
-        optional: Columns that may.
+        optional: Columns that may be there.
 
     Raises:
-        UsageError: The file cannot be read, is no table, lacks a column or a cell, or has no
-            lines.
+        UsageError: The file cannot be read, is not CSV, lacks a column or a cell, or has no
+            lines below the header.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:

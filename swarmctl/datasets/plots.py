@@ -1,7 +1,7 @@
-"""The pictures of a tracked recording. Import this only to draw: matplotlib is slow to load.
+"""The plots of a tracked data set. Import this only to draw: matplotlib is slow to load.
 
 ``track.png``  the track from above, and its height
-``error.png``  error and 1-sigma, NEES and NIS against time
+``error.png``  error and 1-sigma, NEES and NIS, against time
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from swarmctl.datasets.accuracy import Series
-from swarmctl.datasets.dataset import Receivers
+from swarmctl.datasets.accuracy import EstimateSeries
+from swarmctl.datasets.reading import ReceiverPositions
 from swarmctl.units import Array
 
 _INK = "#22272e"
@@ -24,26 +24,28 @@ _ESTIMATE = "#7b2cbf"
 _DPI = 130
 
 
-def write_pictures(series: Series, receivers: Receivers, dof: int, directory: Path) -> None:
-    """Draw a track into a directory.
+def write_plots(
+    series: EstimateSeries, receivers: ReceiverPositions, dof: int, directory: Path
+) -> None:
+    """Write the plots of a track.
 
     Args:
-        series: What was estimated.
-        receivers: Who measured.
-        dof: Axes of the position that count.
-        directory: Where to.
+        series: The estimates.
+        receivers: Where the receivers were.
+        dof: Degrees of freedom of the NEES: axes of the position that count.
+        directory: Directory of the files.
     """
     _track(series, receivers).savefig(directory / "track.png", dpi=_DPI)
     _error(series, dof).savefig(directory / "error.png", dpi=_DPI)
 
 
-def _track(series: Series, receivers: Receivers) -> Figure:
+def _track(series: EstimateSeries, receivers: ReceiverPositions) -> Figure:
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     above, height = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     label = "receivers"
     names: dict[tuple[float, float], list[str]] = {}
-    for name, path in zip(receivers.names, receivers.paths, strict=True):
-        east, north, _ = path.positions.T
+    for name, trajectory in zip(receivers.names, receivers.trajectories, strict=True):
+        east, north, _ = trajectory.positions.T
         above.plot(east, north, color=_INK, lw=0.8, marker="^", ms=6, markevery=[-1], label=label)
         names.setdefault((float(east[-1]), float(north[-1])), []).append(name)
         label = "_"
@@ -67,7 +69,7 @@ def _track(series: Series, receivers: Receivers) -> Figure:
     return figure
 
 
-def _error(series: Series, dof: int) -> Figure:
+def _error(series: EstimateSeries, dof: int) -> Figure:
     figure = Figure(figsize=(11.0, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     upper.plot(series.time, series.sigma, color=_ESTIMATE, lw=1.4, label="1-sigma it claims")

@@ -1,4 +1,4 @@
-"""One pass through a recording: epochs in, the estimate after each out. Streams; no I/O."""
+"""One pass through a data set: epochs in, the estimate after each out. Streams; no I/O."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarmctl.datasets.dataset import LARGEST_RHO, Epoch, Receivers, rows_of
+from swarmctl.datasets.pair_covariance import LARGEST_RHO, rows_of
+from swarmctl.datasets.reading import Epoch, ReceiverPositions
 from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.filters import FILTERS, Filters
 from swarmctl.estimation.integrity.gate import GATE
@@ -35,8 +36,8 @@ _CLIMB_SIGMA_MPS = 1e-3
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What is assumed of a recording.
+class Assumptions:
+    """What is assumed of a data set; in SI units.
 
     Attributes:
         sigma_m: White 1-sigma of a range difference (RD) that brings none of its own.
@@ -159,45 +160,45 @@ class Counts:
     repeated: int = 0
 
 
-def prior_of(settings: Settings, receivers_at: Array) -> Prior:
+def prior_of(assumed: Assumptions, receivers_at: Array) -> Prior:
     """What is known of the emitter before the first measurement.
 
     Args:
-        settings: With a prior, or without.
-        receivers_at: Positions, (R, 3), m.
+        assumed: What is assumed, with a prior or without.
+        receivers_at: Positions of the receivers, (R, 3), m.
     """
     middle = receivers_at.mean(0)
     aperture = float(np.sqrt(((receivers_at - middle) ** 2).sum(-1)).max())
-    if settings.within_m is None:
+    if assumed.within_m is None:
         sigma = _APERTURES * max(aperture, 1e-3)
     else:
-        sigma = settings.within_m / _SURE
+        sigma = assumed.within_m / _SURE
     mean = np.zeros(6)
-    mean[:3] = middle if settings.at is None else settings.at
-    sigmas = np.array([sigma] * 3 + [settings.speed_mps] * 3)
-    if settings.height_m is not None:
-        mean[2] = settings.height_m
+    mean[:3] = middle if assumed.at is None else assumed.at
+    sigmas = np.array([sigma] * 3 + [assumed.speed_mps] * 3)
+    if assumed.height_m is not None:
+        mean[2] = assumed.height_m
         sigmas[2], sigmas[5] = _HEIGHT_SIGMA_M, _CLIMB_SIGMA_MPS
     return Prior(mean, np.diag(sigmas**2))
 
 
 def track(
     name: str,
-    settings: Settings,
-    receivers: Receivers,
+    assumed: Assumptions,
+    receivers: ReceiverPositions,
     epochs: Iterable[Epoch],
     counts: Counts,
     filters: Filters = FILTERS,
 ) -> Iterator[Step]:
-    """Track the emitter through a recording.
+    """Track the emitter through a data set.
 
     A track that has diverged is begun again, with no prior but the receivers' middle.
 
     Args:
         name: One of the filters'.
-        settings: What is assumed.
-        receivers: Who measured.
-        epochs: What, in the order of time; read as they are needed.
+        assumed: What is assumed.
+        receivers: Where the receivers were.
+        epochs: The measurements in the order of time; read as they are needed.
         counts: Kept up to date.
         filters: What there is to choose from.
 
@@ -207,21 +208,21 @@ def track(
     found: Track | None = None
     anywhere: Prior | None = None
     for epoch in epochs:
-        rows, unplaced = rows_of(epoch, receivers, settings.rho)
+        rows, unplaced = rows_of(epoch, receivers, assumed.rho)
         counts.unplaced += unplaced
         if rows is None:
             continue
         counts.epochs += 1
         if found is None or anywhere is None:
-            places = [path.at(epoch.epoch_s) for path in receivers.paths]
+            places = [trajectory.at(epoch.epoch_s) for trajectory in receivers.trajectories]
             at = np.stack([place for place in places if place is not None])
-            found = filters.track(name, prior_of(settings, at), settings.behaviour, gate=_GATE)
+            found = filters.track(name, prior_of(assumed, at), assumed.behaviour, gate=_GATE)
             anywhere = prior_of(
-                Settings(speed_mps=settings.speed_mps, height_m=settings.height_m), at
+                Assumptions(speed_mps=assumed.speed_mps, height_m=assumed.height_m), at
             )
         try:
             there = False
-            for part in _parts(rows, settings.rho):
+            for part in _parts(rows, assumed.rho):
                 there = found.update(part)
             best = found.estimates()[0] if there else None
         except EstimationError:  # no finite result: begin again
@@ -253,7 +254,7 @@ def _is_one_signal(rows: Rows, rho: float) -> bool:
     """Whether an epoch's RDs can be the differences of one set of arrivals.
 
     Then those along a loop of pairs (ab, bc, ca) add up to nothing but what is each
-    row's own. Loops that do not close are of signals one after the other, in a recording whose
+    row's own. Loops that do not close are of signals one after the other, in a data set whose
     clock is coarser than their distance.
     """
     own = GATE * math.sqrt(2.0 * (1.0 - 2.0 * min(rho, LARGEST_RHO)))

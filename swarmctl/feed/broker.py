@@ -1,4 +1,4 @@
-"""The embedded MQTT broker (amqtt): zero set-up for simulations and a single machine."""
+"""The embedded MQTT broker (amqtt): no set-up for simulations and for a single machine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ async def embedded_broker(
 ) -> AsyncIterator[BrokerAddress]:
     """Run a broker in this event loop.
 
-    It lets everybody in and everybody publish, hence it serves the loopback interface only.
+    It asks for no password, so it serves the loopback interface only.
 
     Args:
         host: Loopback address to listen on.
@@ -35,8 +35,8 @@ async def embedded_broker(
         The address it listens on.
 
     Raises:
-        UsageError: ``host`` is no loopback address.
-        FeedError: The port cannot be listened on.
+        UsageError: If ``host`` is not a loopback address.
+        FeedError: If the port cannot be listened on.
     """
     if not _is_loopback(host):
         msg = (
@@ -44,13 +44,13 @@ async def embedded_broker(
             f"{host!r}: use 127.0.0.1, or run a broker such as mosquitto there."
         )
         raise UsageError(msg)
-    # What clients do wrong is no news for the operator's console.
+    # The operator's console does not report what clients do wrong.
     for library in ("amqtt", "transitions"):
         logging.getLogger(library).setLevel(logging.CRITICAL)
     broker = Broker(
         BrokerConfig(
-            # An external listener: the socket is ours, so that a port in use is a plain
-            # OSError and port 0 can be asked for its number.
+            # With an external listener the socket is ours: a port in use is a plain OSError,
+            # and the number of port 0 can be read.
             listeners={_LISTENER: ListenerConfig(type=ListenerType.EXTERNAL)},
             plugins={"amqtt.plugins.authentication.AnonymousAuthPlugin": {}},
         )
@@ -88,7 +88,7 @@ async def embedded_broker(
             server.close()
     finally:
         await broker.shutdown()
-        # Those who connected and never said a word are in no session that could be shut down.
+        # Clients that connected and never spoke have no session that could be shut down.
         for task in connections:
             task.cancel()
         await asyncio.gather(*connections, return_exceptions=True)

@@ -1,4 +1,4 @@
-"""The MQTT client: subscribes, delivers, publishes, and comes back after losing its broker."""
+"""The MQTT client: subscribes, delivers, publishes, and reconnects to a lost broker."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmctl.errors import FeedError, UsageError
 
 _DEFAULT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 _KEEPALIVE_S = 5
-"""A broker that died without closing its connection is missed within twice this."""
+"""A broker that dies without closing its connection is noticed within twice this, s."""
 _CONNECT_TIMEOUT_S = 5.0
 _PUBLISH_TIMEOUT_S = 0.5
 _SUBACK_FAILURE = 0x80
@@ -28,7 +28,7 @@ _SUBACK_FAILURE = 0x80
 # acknowledged: up to 40 ms.
 _NO_DELAY = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-# What paho logs, on_state and FeedError say.
+# on_state and FeedError say what paho would log.
 _quiet = logging.getLogger("swarmctl.feed.paho")
 _quiet.setLevel(logging.CRITICAL)
 
@@ -59,7 +59,7 @@ class BrokerAddress:
         percent-encoded.
 
         Raises:
-            UsageError: It is no such address.
+            UsageError: If it is not such an address.
         """
         try:
             parts = urlsplit(url)
@@ -114,8 +114,8 @@ class FeedClient:
         """Publish once, without acknowledgement (QoS 0).
 
         Returns:
-            Whether it was sent. False while the broker is away, and after half a second of
-            a stalled connection: an estimate is worth nothing later.
+            Whether it was sent. False while the broker is away, and after half a second of a
+            stalled connection: a later estimate is useless.
         """
         try:
             await self._client.publish(topic, payload, timeout=_PUBLISH_TIMEOUT_S)
@@ -124,7 +124,7 @@ class FeedClient:
         return True
 
     async def _keep(self) -> None:
-        """Deliver messages for ever, with this connection and those that follow it."""
+        """Deliver messages for ever, by this connection and by those that follow it."""
         while True:
             try:
                 async for message in self._client.messages:
@@ -200,7 +200,7 @@ class FeedClient:
 
 
 def back_off_s() -> Iterator[float]:
-    """The waits before each attempt to find a lost broker again, s: 1, 2, 4, 8, 8, ..."""
+    """Waits before the attempts to reconnect to a lost broker, s: 1, 2, 4, 8, 8, ..."""
     return itertools.chain((1.0, 2.0, 4.0), itertools.repeat(8.0))
 
 
@@ -214,7 +214,7 @@ async def connect(
 ) -> AsyncIterator[FeedClient]:
     """Connect to a broker and stay connected until the context ends.
 
-    A broker lost on the way is looked for again after 1, 2, 4, 8, 8, ... s.
+    A lost broker is tried again after 1, 2, 4, 8, 8, ... s.
 
     Args:
         address: The broker.
@@ -224,7 +224,7 @@ async def connect(
         on_state: Called with False when the broker is lost and with True when it is back.
 
     Raises:
-        FeedError: Nobody answers there, or the broker refuses this client or a topic.
+        FeedError: If nobody answers there, or the broker refuses this client or a topic.
     """
     feed = FeedClient(address, topics, on_message, on_state)
     await feed._open()
@@ -241,8 +241,8 @@ async def connect(
 
 
 async def _enter(client: aiomqtt.Client) -> None:
-    # aiomqtt connects in a thread that a cancellation cannot stop: see it through, or its
-    # socket would be left in the event loop.
+    # aiomqtt connects in a thread that a cancellation cannot stop. Wait for it, or its socket
+    # would stay in the event loop.
     attempt = asyncio.ensure_future(_attempt(client))
     try:
         await asyncio.shield(attempt)
@@ -257,14 +257,14 @@ async def _attempt(client: aiomqtt.Client) -> None:
     try:
         await client.__aenter__()
     except aiomqtt.MqttError:
-        # The socket of a broker that did not answer in time is still open, and nobody there
-        # will acknowledge its closing.
+        # The socket of a broker that did not answer in time is still open, and the broker
+        # will not acknowledge its closing.
         client.timeout = 0.0
         await _close(client)
         raise
 
 
 async def _close(client: aiomqtt.Client) -> None:
-    # A broker that is gone already cannot be told good-bye.
+    # A broker that is gone cannot take a DISCONNECT.
     with contextlib.suppress(aiomqtt.MqttError, OSError):
         await client.__aexit__(None, None, None)

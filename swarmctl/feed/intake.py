@@ -1,7 +1,7 @@
 """From MQTT payloads to observations: decode, check, group. No I/O.
 
-Whatever arrives, :meth:`FeedIntake.receive` does not raise: a message that cannot be used is
-reported once per kind and then only counted.
+:meth:`FeedIntake.receive` never raises: the first unusable message of each kind is reported, and
+later ones are only counted.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Decoder(Generic[_Message]):
         self._single: msgspec.json.Decoder[_Message] = msgspec.json.Decoder(kind)
 
     def decode(self, payload: bytes) -> tuple[list[_Message], list[Refusal]]:
-        """The good messages, and what is wrong with the others."""
+        """The good messages, and why the others are refused."""
         try:
             decoded = self._batch.decode(payload)
         except _UNDECODABLE as error:
@@ -59,7 +59,7 @@ class _Decoder(Generic[_Message]):
     def _decode_singly(
         self, payload: bytes, error: Exception
     ) -> tuple[list[_Message], list[Refusal]]:
-        """The good entries of a list that has bad ones; nothing of anything else."""
+        """The good entries of a list that has bad ones; none if the payload is no list."""
         good: list[_Message] = []
         refusals = []
         try:

@@ -1,11 +1,13 @@
 """The controller's side of MAVLink.
 
-``framing`` finds the frames in what arrives, ``decoding`` turns them into facts and ``encoding``
-commands into frames (only these three import pymavlink); ``facts`` holds the words they share.
-``autopilots`` holds the manners of each flight stack, ``exchange`` brings one command at a
-time through a lossy link, ``parameters`` and ``fence`` bring theirs, ``clock`` maps a vehicle's
-boot time to UTC, ``statistics`` counts losses, ``signing`` believes or refuses, ``forward``
-routes to other stations, ``channels`` keeps the addresses. ``vehicle`` holds all that concerns one
-vehicle, ``roster`` knows who is one and where. ``link`` puts them together without any I/O;
-``endpoints`` are the sockets.
+A station sees a ``vehicle_link``: events in, commands out, a timer. ``mavlink_link`` speaks MAVLink
+itself, and its bytes go through a ``datagram_port``; ``mavsdk_link`` lets MAVSDK speak. What both
+share is in ``link_base``, and what they keep of one vehicle in ``vehicle_session``.
+
+``codec`` turns bytes into messages and back. ``autopilots`` knows how each flight stack is asked.
+``command_protocol``, ``parameter_protocol`` and ``fence_upload`` bring commands, parameters and
+fences through a lossy link. ``vehicle_roster`` knows which vehicle speaks from where,
+``vehicle_clock`` maps its time to UTC, ``link_quality`` counts losses, ``signing`` checks
+signatures, ``forwarding`` routes to other ground stations. None of these does I/O; ``endpoints``
+holds the sockets.
 """

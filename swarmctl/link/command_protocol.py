@@ -1,9 +1,9 @@
 """The MAVLink command protocol for one vehicle: one command at a time, through a lossy link.
 
 The protocol is https://mavlink.io/en/services/command.html; what it leaves open is decided
-here. A COMMAND_ACK names only the MAV_CMD it answers, so an answer to an earlier try of the
-same MAV_CMD must not pass for an answer to the present one. And an ACK says that the vehicle
-took the command, not that it did it: where a state shows that, the state decides.
+here. A COMMAND_ACK names only the MAV_CMD it answers, so an answer to an earlier try must not be
+taken for an answer to the present one. An ACK says that the vehicle accepted the command, not that
+it carried it out: where the vehicle's state shows the result, the state decides.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from swarmctl.link.codec.messages import CommandAck, CommandLong, DataStream
 from swarmctl.link.command_request import Attempt, Request, State
 
 ACK_TIMEOUT_S = 1.0
-"""Wait for a COMMAND_ACK before the next try."""
+"""Wait for a COMMAND_ACK before the next try, s."""
 TRIES = 8
-"""Tries before a command counts as unanswered. Over a radio that loses every fifth packet either
-way, a try is answered with probability 0.64, so one command in 3500 is given up; after four
-tries it was one in sixty, more than a swarm's take-off can bear."""
+"""Tries before a command counts as unanswered. Over a radio that loses every fifth packet each
+way, a try is answered with probability 0.64: with eight tries one command in 3500 is given up, with
+four it would be one in sixty, too many for a swarm's take-off."""
 PROGRESS_TIMEOUT_S = 5.0
-"""Wait after MAV_RESULT_IN_PROGRESS for the next word."""
+"""Wait after MAV_RESULT_IN_PROGRESS for the next answer, s."""
 STATE_TIMEOUT_S = 6.0
-"""Wait after the ACK for the state that shows the command done: six heartbeats. ArduCopter's
+"""Wait after the ACK for the state that shows the command done, s: six heartbeats. ArduCopter's
 landed state changes 3.4 s after a take-off command, and its next reports may be lost."""
 REASON_TIMEOUT_S = 0.3
-"""Wait after a refusal for its reason: ArduPilot queues the STATUSTEXT, but not the ACK."""
+"""Wait after a refusal for its reason, s: ArduPilot queues the STATUSTEXT, but not the ACK."""
 BUSY_RETRY_S = 1.0
-"""Wait after TEMPORARILY_REJECTED before the next try."""
+"""Wait after TEMPORARILY_REJECTED before the next try, s."""
 BUSY_TRIES = 5
-"""Tries that may be met with TEMPORARILY_REJECTED before it counts as a refusal."""
+"""After so many times TEMPORARILY_REJECTED, the command counts as refused."""
 REASON_AGE_S = 2.0
-"""A STATUSTEXT older than this is no reason."""
+"""A STATUSTEXT older than this does not explain a refusal, s."""
 
 
 class _Stage(Enum):
@@ -51,8 +51,6 @@ class _Stage(Enum):
 
 class CommandExchange:
     """Brings requests to one vehicle, in order, and ends each with exactly one outcome.
-
-    A request that is the same as the last of its name still waiting is not queued again.
 
     The caller hands in what the vehicle says and the time, calls :meth:`handle_timer` when
     :meth:`next_timer` is due, and after any call sends :meth:`attempts` and reports
@@ -86,8 +84,8 @@ class CommandExchange:
     def submit(self, request: Request, now: float) -> None:
         """Queue a request; it leaves when those before it have ended.
 
-        Whoever asks again while the same request still waits, or is under way, is content with
-        its outcome: over a bad radio the queue would grow faster than it is worked off.
+        A request equal to one that still waits or is under way is not queued again; its outcome
+        serves both. Over a bad radio the queue would otherwise grow without end.
         """
         under_way = () if self._stage is _Stage.NOTHING else (self._request,)
         alike = [r for r in (*under_way, *self._queue) if r.kind is request.kind]
@@ -98,7 +96,7 @@ class CommandExchange:
             self._begin_next(now)
 
     def on_ack(self, ack: CommandAck, now: float) -> None:
-        """The vehicle answered."""
+        """Take a COMMAND_ACK."""
         if self._stage is _Stage.NOTHING or ack.command != self._command.command:
             return
         waiting = self._stage in {_Stage.ACK, _Stage.END_OF_PROGRESS}
@@ -129,7 +127,7 @@ class CommandExchange:
             self._refused(ack.result, now)
 
     def on_state(self, state: State, now: float) -> None:
-        """The vehicle showed its state."""
+        """Take a state that the vehicle shows."""
         if self._stage is _Stage.NOTHING:
             return
         if isinstance(state, Heartbeat):
@@ -141,7 +139,7 @@ class CommandExchange:
             self._finish("accepted", "the vehicle's state shows it", now)
 
     def on_text(self, text: str, now: float) -> None:
-        """The vehicle sent a STATUSTEXT."""
+        """Take a STATUSTEXT: it may explain a refusal."""
         self._text, self._text_s = text, now
         if self._stage is _Stage.REASON and not self._may_be_done_already:
             self._finish_refused(now)
@@ -160,7 +158,7 @@ class CommandExchange:
             self._next_step(now)
         elif self._stage is _Stage.ACK:
             waited_s = now - self._step_began_s
-            # Whoever does not answer one step will not answer the next.
+            # A vehicle that does not answer this step will not answer the next.
             self._go_another_way(self._request.instead[self._step :])
             self._finish("no_answer", f"no COMMAND_ACK to {TRIES} tries in {waited_s:.1f} s", now)
         elif self._stage is _Stage.END_OF_PROGRESS:
@@ -183,7 +181,7 @@ class CommandExchange:
         return self._deadline_s
 
     def attempts(self) -> list[Attempt]:
-        """Drain what is to be sent."""
+        """Drain what to send."""
         attempts, self._attempts = self._attempts, []
         return attempts
 
@@ -210,7 +208,7 @@ class CommandExchange:
 
     @property
     def _may_be_done_already(self) -> bool:
-        """Whether a refusal may only mean that an earlier try, its ACK lost, was obeyed."""
+        """Whether a refusal may mean that an earlier try was obeyed and its ACK was lost."""
         return self._tries > 1 and self._request.shown_by is not None
 
     def _wait(self, stage: _Stage, deadline_s: float) -> None:

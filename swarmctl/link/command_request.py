@@ -13,18 +13,18 @@ State = Heartbeat | LandedState
 
 
 class Request(msgspec.Struct, frozen=True):
-    """A command of the vocabulary, as the vehicle is to be asked.
+    """A command as its autopilot wants to be asked.
 
     Attributes:
         kind: The kind of the command.
-        steps: What to send, each acknowledged before the next leaves.
-        shown_by: Whether a state, heard after the last step left, shows the command done;
-            None where none does.
-        needs_state: Whether the ACK is not enough and the state must follow.
-        optional: What to send after the steps; the vehicle may refuse any of it.
-        instead: For each step, what to send in its place where the vehicle refuses it, or answers
-            nothing, None for nothing; whether that helps shows only in what the vehicle then
-            says. Empty where a refusal ends the request.
+        steps: What to send; each step is acknowledged before the next leaves.
+        shown_by: Whether a state heard after the last step left shows the command done; None if
+            no state shows it.
+        needs_state: Whether the state must show the command done, because the ACK is not enough.
+        optional: What to send after the steps; the vehicle may refuse it.
+        instead: For each step, what to send if the vehicle refuses it or does not answer; None
+            for nothing. Only the vehicle's later messages show whether that helped. Empty if a
+            refusal ends the request.
     """
 
     kind: CommandKind
@@ -36,7 +36,7 @@ class Request(msgspec.Struct, frozen=True):
 
 
 class Attempt(msgspec.Struct, frozen=True):
-    """A packet to send: the command and how many times it was sent before."""
+    """A command to send, and how many times it was sent before."""
 
     command: CommandLong | DataStream
     confirmation: int

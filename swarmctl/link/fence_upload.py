@@ -1,8 +1,8 @@
-"""The upload of a geofence to one vehicle, through a lossy link, and its reading back.
+"""Uploads a geofence to one vehicle through a lossy link, and reads it back.
 
 The protocol is https://mavlink.io/en/services/mission.html with mission type FENCE. The vehicle
-asks for what was announced, again and again until it has it, so an upload is announced again
-only while nothing has been asked for. What it says it has taken is read back.
+asks for the announced fence again and again until it has it, so an upload is announced again only
+while the vehicle has not asked. After the vehicle has acknowledged the fence, it is read back.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from swarmctl.link.codec.messages import (
 )
 
 ANSWER_TIMEOUT_S = 1.0
-"""Wait for an answer before the next try."""
+"""Wait for an answer before the next try, s."""
 TRIES = 4
-"""Tries of one step."""
+"""Tries of one step before it is given up."""
 UPLOAD_TIMEOUT_S = 10.0
-"""Limit of an upload, which a vehicle gives up itself after 8 s at the latest."""
+"""Longest upload, s; the vehicle itself gives up after 8 s at the latest."""
 QUIET_S = 3.0
-"""A vehicle that has not asked for so long has the item, or is gone: reading back tells which."""
+"""A vehicle that stops asking for so many seconds has the item or is gone; reading back tells."""
 POSITION_TOLERANCE_RAD = 2e-9
 """Two units on the wire, about a centimetre."""
 RADIUS_TOLERANCE_M = 0.5
@@ -82,7 +82,7 @@ class FenceExchange:
             self._begin_next(now)
 
     def on_message(self, message: FenceMessage, now: float) -> None:
-        """The vehicle said something of its fence."""
+        """Take a message about the vehicle's fence."""
         match message:
             case FenceRequest() if self._stage is _Stage.UPLOAD:
                 self._asked_for = True
@@ -108,7 +108,7 @@ class FenceExchange:
                 else:
                     self._finish("accepted", "read back as it was sent", now)
             case _:
-                pass  # said twice, or too late
+                pass  # repeated, or too late
 
     def handle_timer(self, now: float) -> None:
         """Ask again or give up, if :meth:`next_timer` is due."""
@@ -130,7 +130,7 @@ class FenceExchange:
         return self._due_s
 
     def packets(self) -> list[PlanPacket]:
-        """Drain what is to be sent."""
+        """Drain what to send."""
         packets, self._packets = self._packets, []
         return packets
 

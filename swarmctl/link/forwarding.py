@@ -2,9 +2,9 @@
 
 The rules are those of https://github.com/mavlink-router/mavlink-router for its endpoints. A
 frame goes to everybody, or, if it names a target system, to where that system was heard. It is
-never sent where its own sender was heard, which is what ends loops. Frames are passed on
-unchanged, signatures and all; nothing is passed from one station to another; and our own
-frames stay between us and the vehicles.
+never sent where its own sender was heard; this prevents loops. Frames are passed on unchanged,
+with their signatures. Nothing is passed from one station to another, and our own frames stay
+between us and the vehicles.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Forwarder:
         self._vehicles: dict[int, Address] = {}
 
     def is_station(self, address: Address) -> bool:
-        """Whether a station is there."""
+        """Whether an address is a station's."""
         return address in self._stations
 
     def from_vehicles(self, frame: Frame, address: Address) -> list[Address]:
@@ -56,9 +56,9 @@ class Forwarder:
         """The vehicles' addresses that a station's frame goes to.
 
         Returns:
-            The addresses, none if it is for us or for a system that was never heard; or why the
-            frame must not be passed on: the system it claims to be is a vehicle's (it came back
-            by another way), or ours.
+            The addresses; none if the frame is for us or for a system that was never heard. Or
+            why the frame must not be passed on: its sender's system id is a vehicle's (the frame
+            came back by another way) or ours.
         """
         if frame.sysid == self._gcs_sysid:
             return "our_sysid"

@@ -26,7 +26,7 @@ from swarmctl.link.vehicle_link import VehicleLink
 from swarmctl.link.vehicle_session import Packet, VehicleSession
 
 PERIOD_S = 1.0
-"""Between our own heartbeats, and between two reports of link quality."""
+"""Time between our own heartbeats, and between two reports of link quality, s."""
 
 SessionType = TypeVar("SessionType", bound=VehicleSession)
 
@@ -138,11 +138,11 @@ class LinkBase(VehicleLink, ABC, Generic[SessionType]):
     # --- What is heard and answered ----------------------------------------------------
 
     def _begin(self, now: float) -> None:
-        """Send heartbeats from now on."""
+        """Send our heartbeat from now on."""
         self._next_period_s = min(self._next_period_s, now)
 
     def _take(self, message: Message, vehicle: SessionType, now: float) -> None:
-        """Take what a vehicle says; an answer only if the question was ours."""
+        """Take a message of a vehicle; an answer only if the question was ours."""
         if isinstance(message, VehicleVersion):
             fault = vehicle.identify(message)
             if fault is not None:
@@ -164,7 +164,7 @@ class LinkBase(VehicleLink, ABC, Generic[SessionType]):
                 return True
 
     def _flush(self, vehicle: SessionType, now: float) -> None:
-        """Send and report what the vehicle's exchanges have decided."""
+        """Send what the vehicle's exchanges want sent, and report how they ended."""
         for packet in vehicle.packets():
             self._send_packet(packet, vehicle, now)
         self._events.extend(vehicle.outcomes())
@@ -195,7 +195,7 @@ class LinkBase(VehicleLink, ABC, Generic[SessionType]):
 
 
 def _can_be_flown(goto: GoTo) -> bool:
-    """Whether a setpoint is a place on Earth with finite numbers: no other may ever leave."""
+    """Whether a setpoint is a place on Earth with finite numbers; no other may leave."""
     return (
         abs(goto.lat_rad) <= math.pi / 2.0  # false for NaN
         and abs(goto.lon_rad) <= math.pi

@@ -13,9 +13,9 @@ _WINDOW_MASK = (1 << _WINDOW) - 1
 class LinkStatistics:
     """Counts the messages of one component by their MAVLink sequence numbers.
 
-    A number that is skipped counts as lost until it arrives late; a repeated one changes
-    nothing. A number up to 127 ahead is a loss, one up to 63 behind is late, and any other
-    means that the sender has started anew.
+    A skipped number counts as lost until it arrives late; a repeated number changes nothing. A
+    number up to 127 ahead means losses, a number up to 63 behind is late, and any other means
+    that the sender has started anew.
 
     Attributes:
         messages_in: Messages counted.

@@ -1,4 +1,4 @@
-"""The whole swarm's MAVLink link without any I/O: datagrams in and out, facts and commands."""
+"""The native vehicle link: the whole swarm's MAVLink without any I/O, datagrams in and out."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class MavlinkLink(LinkBase[AddressedSession], DatagramPort):
     autopilot component, and is answered where it was last heard.
 
     Args:
-        gcs_sysid: Our own system id; messages that carry it are nobody's.
+        gcs_sysid: Our own system id; frames that carry it are not read.
         vehicles: System ids that belong to the swarm; None for any.
         signing: Signs what we send, and refuses what is not signed; None without a key.
-        stations: Addresses of other ground stations that everything is passed on to.
-        speedup: Seconds of our time in a second of the computer's: what a simulator may tell for
-            UTC.
+        stations: Addresses of the other ground stations that every frame is passed on to.
+        speedup: Seconds of our time in a second of the computer's. A simulator may take the
+            computer's time for UTC.
 
     Attributes:
         messages_in: Sound and trusted frames received on the vehicles' side, from any sender.
@@ -252,7 +252,7 @@ class MavlinkLink(LinkBase[AddressedSession], DatagramPort):
         self._reject(fault.kind, detail, now)
 
     def _name_silence(self, url: str, now: float) -> None:
-        """Name an endpoint on which nothing is heard; each by itself, for each has its cause."""
+        """Name a silent endpoint; each is named, because each has its own cause."""
         self.rejected["silent_link"] += 1
         self._name(
             "silent_link",

@@ -1,10 +1,10 @@
-"""The vehicles' link on MAVSDK 4: it holds the sockets and speaks MAVLink, for teams that run it.
+"""The vehicle link on MAVSDK 4, which holds the sockets and speaks MAVLink itself.
 
-MAVSDK opens the connections, finds the vehicles, and reads and writes every message, by its
-MavlinkDirect plugin. For what its typed plugins leave out is needed here: the time since boot of
-a position, SYSTEM_TIME, and a setpoint that is gone when the controller stops (its Offboard
-plugin repeats the last one for ever, and knows no global position with a velocity). How each
-autopilot is asked, and when a command counts as done, is the same as on the native link.
+MAVSDK opens the connections, finds the vehicles, and reads and writes every message by its
+MavlinkDirect plugin. Its typed plugins do not suffice: they lack the time since boot of a position
+and SYSTEM_TIME, and the Offboard plugin repeats the last setpoint for ever, even when the
+controller has stopped, and knows no global position with a velocity. How each autopilot is asked,
+and when a command counts as done, is the same as on the native link.
 
 MAVSDK calls back on a thread of its own; there a message is only put into the inbox, and
 :meth:`MavsdkLink.handle_timer` takes it out again.
@@ -46,8 +46,8 @@ class _MavsdkSession(VehicleSession):
 class MavsdkLink(LinkBase[_MavsdkSession]):
     """The vehicles of a swarm by MAVSDK; :meth:`close` ends its connections.
 
-    MAVSDK tells neither addresses nor sequence numbers, so two vehicles with the same system id
-    are told apart only by their hardware ids, and losses are not counted. Nor is a fence uploaded.
+    MAVSDK tells neither addresses nor sequence numbers: two vehicles with the same system id are
+    told apart only by their hardware ids, and losses are not counted. Fences are not uploaded.
 
     Args:
         gcs_sysid: Our own system id.
@@ -63,7 +63,7 @@ class MavsdkLink(LinkBase[_MavsdkSession]):
         self._expected = None if vehicles is None else frozenset(vehicles)
         self._wake: Callable[[], object]
         self._woken = False
-        self._inbox: deque[MavlinkMessage | None] = deque()  # None: a system is new
+        self._inbox: deque[MavlinkMessage | None] = deque()  # None: MAVSDK has found a system
         log_subscribe(lambda *_: True)  # it would print into the operator's console
         settings = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         settings.system_id = gcs_sysid
@@ -117,13 +117,13 @@ class MavsdkLink(LinkBase[_MavsdkSession]):
         super().handle_timer(now)
 
     def next_timer(self) -> float:
-        """When :meth:`handle_timer` is due: at once if something has come in."""
+        """See :class:`swarmctl.link.vehicle_link.VehicleLink`; at once if something has come in."""
         return -math.inf if self._inbox else super().next_timer()
 
     # --- What is heard -----------------------------------------------------------------
 
     def _put(self, message: MavlinkMessage | None) -> None:
-        """On a thread of MAVSDK's."""
+        """Put a message into the inbox; called on a thread of MAVSDK's."""
         self._inbox.append(message)
         if not self._woken:
             self._woken = True
@@ -160,14 +160,14 @@ class MavsdkLink(LinkBase[_MavsdkSession]):
             self._take(said, vehicle, now)
 
     def _has_asked(self, vehicle: _MavsdkSession, asked_ns: int, now: float) -> bool:
-        # MAVSDK may ask, too, by another clock: the future and the far past are not ours.
+        # MAVSDK asks, too, by another clock: a time in the future or long ago is not ours.
         return now - PERIOD_S <= asked_ns / 1e9 <= now
 
     # --- What is said ------------------------------------------------------------------
 
     def _every_period(self, now: float) -> None:
         for vehicle in self._vehicles.values():
-            # MAVSDK's own comes by the wall clock, which a simulation may outrun.
+            # MAVSDK sends its own heartbeat by the wall clock, which a simulation may outrun.
             self._transmit(vehicle, "HEARTBEAT", messages.HEARTBEAT)
             self._transmit(vehicle, "TIMESYNC", messages.timesync(round(now * 1e9)))
 
@@ -193,7 +193,7 @@ class MavsdkLink(LinkBase[_MavsdkSession]):
 
     @staticmethod
     def _transmit(vehicle: _MavsdkSession, name: str, fields: str | None) -> bool:
-        """Whether there was a message to send and MAVSDK sent it."""
+        """Send a message; returns whether there was one and MAVSDK sent it."""
         if fields is None:
             return False
         try:

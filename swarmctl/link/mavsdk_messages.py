@@ -36,7 +36,7 @@ MESSAGES = tuple(message.name for message in MessageId if not message.name.start
 
 
 def read(name: str, fields: str, sysid: int, received_s: float) -> Message | Fault | None:
-    """What a message says.
+    """Decode a message.
 
     Args:
         name: One of :data:`MESSAGES`.
@@ -58,7 +58,7 @@ def read(name: str, fields: str, sysid: int, received_s: float) -> Message | Fau
 
 
 def _plain(value: object) -> object:
-    """A field as it is on the wire."""
+    """A field as the codec expects it: NaN for null, bytes for text."""
     if value is None:
         return math.nan
     return value.encode() if isinstance(value, str) else value

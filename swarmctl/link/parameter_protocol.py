@@ -1,8 +1,8 @@
 """The MAVLink parameter protocol for one vehicle, through a lossy link.
 
-The protocol is https://mavlink.io/en/services/parameter.html. An unknown name is met with
-silence, so every name that a parameter has had is asked for at once, and the one that answers
-is the vehicle's. A write counts when the vehicle has told the new value back.
+The protocol is https://mavlink.io/en/services/parameter.html. A vehicle does not answer a question
+for an unknown name, so every name that a parameter has had is asked for at once; the name that is
+answered is the vehicle's. A write counts when the vehicle has told the new value.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from swarmctl.events import ParameterValue
 from swarmctl.link.codec.messages import ParameterMessage, Spelling
 
 ANSWER_TIMEOUT_S = 1.0
-"""Wait for a PARAM_VALUE before the next try."""
+"""Wait for a PARAM_VALUE before the next try, s."""
 TRIES = 4
 """Tries before a parameter counts as unknown to the vehicle, or a write as refused."""
 TOLERANCE = 1e-6
-"""Relative difference between a value and its copy that went through a 32-bit float."""
+"""Greatest relative difference between a value and its copy in a 32-bit float."""
 
 _MAX_PARAMETER_NAME = 16
 _INTEGERS = {
@@ -32,12 +32,12 @@ _INTEGERS = {
     5: struct.Struct("<I"),
     6: struct.Struct("<i"),
 }
-"""Layout of each integer's MAV_PARAM_TYPE."""
+"""Layout of each MAV_PARAM_TYPE that is an integer."""
 _FLOAT = struct.Struct("<f")
 
 
 def is_parameter_name(name: str) -> bool:
-    """Whether a parameter can have this name."""
+    """Whether this is a possible name of a parameter."""
     return name.isascii() and 0 < len(name) <= _MAX_PARAMETER_NAME
 
 
@@ -45,7 +45,7 @@ def parameter_value(message: ParameterMessage, *, bytewise: bool) -> float:
     """The value of a PARAM_VALUE.
 
     Args:
-        message: What came.
+        message: The message.
         bytewise: Whether integers travel as their bytes
             (https://mavlink.io/en/services/parameter.html#parameter-encoding).
     """
@@ -105,7 +105,7 @@ class _Job:
 
 
 class ParameterExchange:
-    """Reads and writes the parameters of one vehicle, all that are asked for at a time.
+    """Reads and writes the parameters of one vehicle, several at a time.
 
     The caller hands in what the vehicle says and the time, calls :meth:`handle_timer` when
     :meth:`next_timer` is due, and after any call sends :meth:`packets` and reports
@@ -128,7 +128,7 @@ class ParameterExchange:
 
         Args:
             parameter: Its newest name.
-            spellings: Every name it has had; one that no parameter can have is never asked for.
+            spellings: Every name it has had; impossible names are not asked for.
             wanted: The value to write; None to read.
             now: Monotonic time, s.
         """
@@ -145,10 +145,10 @@ class ParameterExchange:
         self._try(job, now)
 
     def on_value(self, message: ParameterMessage, now: float, *, bytewise: bool) -> None:
-        """The vehicle told a parameter, asked or unasked.
+        """Take a PARAM_VALUE, asked for or not.
 
         Args:
-            message: What it told.
+            message: The message.
             now: Monotonic time, s.
             bytewise: Whether its integers travel as their bytes.
         """
@@ -191,12 +191,12 @@ class ParameterExchange:
         return min((job.due_s for job in self._jobs), default=math.inf)
 
     def packets(self) -> list[ReadPacket | SetPacket]:
-        """Drain what is to be sent."""
+        """Drain what to send."""
         packets, self._packets = self._packets, []
         return packets
 
     def values(self) -> list[ParameterValue]:
-        """Drain what was found out."""
+        """Drain the values found."""
         values, self._values = self._values, []
         return values
 
@@ -215,7 +215,7 @@ class ParameterExchange:
 
 
 def unread(parameter: str, sysid: int, now: float) -> ParameterValue:
-    """What is known of a parameter that a vehicle has not told."""
+    """The outcome for a parameter that the vehicle has not told."""
     return ParameterValue(
         received_s=now, sysid=sysid, parameter=parameter, value=None, own_name=parameter
     )

@@ -1,4 +1,4 @@
-"""MAVLink 2 message signing: whose frames are believed (no I/O).
+"""MAVLink 2 message signing: which frames are trusted (no I/O).
 
 https://mavlink.io/en/guide/message_signing.html. The signature is the first 48 bits of the SHA-256
 of the key, the frame, the link id and the timestamp, which counts 10 us since 2015-01-01 UTC.
@@ -19,14 +19,14 @@ UNITS_PER_S = 100_000
 EPOCH_UTC_S = 1_420_070_400
 """2015-01-01T00:00:00 UTC, where timestamps count from."""
 MAX_AGE = 60 * UNITS_PER_S
-"""A stream that was never heard may be this far behind our own timestamp."""
+"""The first frame of a stream may be this far behind our own timestamp."""
 
 _MAVLINK_2 = 0xFD
 _IS_SIGNED = 0x01
 _BLOCK = 13  # link id, timestamp, signature
 _SIGNATURE = 6
 _RADIO_STATUS = 109
-# Streams are remembered only once they have proved that they have the key.
+# A stream is remembered only after a frame with a right signature.
 _Stream = tuple[int, int, int]
 
 
@@ -40,7 +40,7 @@ class Signing:
 
     Args:
         key: The secret key, 32 bytes.
-        timestamp: Least timestamp we may use: greater than any used before.
+        timestamp: First timestamp we may use: greater than any used before.
         utc_offset_s: UTC less the caller's monotonic time, s.
 
     Attributes:
@@ -63,19 +63,20 @@ class Signing:
         self.timestamp = max(self.timestamp, timestamp_at(now + self._utc_offset_s))
 
     def next_timestamp(self) -> int:
-        """A timestamp to sign one frame with; never the same twice."""
+        """A timestamp for one frame; never the same twice."""
         self.timestamp += 1
         return self.timestamp - 1
 
     def check(self, frame: Frame) -> Fault | None:
-        """Whether a frame is to be believed; None if it is.
+        """Check a frame's signature and timestamp.
 
-        RADIO_STATUS is let through unsigned, as is customary: a telemetry radio makes it, and
+        RADIO_STATUS is let through unsigned, as is customary: a telemetry radio sends it and
         has no key. It says nothing about a vehicle.
 
         Returns:
-            A fault of kind ``unsigned``, ``wrongly_signed`` or ``replayed``. A frame that
-            another one of its stream has overtaken counts as replayed.
+            None if the frame is trusted; else a fault of kind ``unsigned``, ``wrongly_signed``
+            or ``replayed``. A frame that was overtaken by a later one of its stream counts as
+            replayed.
         """
         raw = frame.raw
         said = f"message {frame.message_id} of system {frame.sysid}"

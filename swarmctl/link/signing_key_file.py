@@ -1,4 +1,4 @@
-"""The signing key on disk, and beside it the timestamp that must never be used again."""
+"""The signing key on disk, and beside it the next timestamp to sign with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from swarmctl.errors import LinkError, UsageError
 from swarmctl.link.signing import UNITS_PER_S
 
 RESERVE_S = 60.0
-"""What is stored is this far ahead of what was used, so that it may be stored rarely."""
+"""The stored timestamp is this far ahead of the one used, so that it is stored rarely, s."""
 STORE_EVERY_S = 15.0
 """How often the timestamp is to be stored, s."""
 _KEY_BYTES = 32
@@ -19,9 +19,9 @@ _KEY_BYTES = 32
 def read_key(path: Path) -> bytes:
     """The 32-byte key of a file.
 
-    The file holds 32 bytes that are no text; or 64 hexadecimal digits; or a passphrase, whose
+    The file holds 32 bytes that are not text, or 64 hexadecimal digits, or a passphrase, whose
     SHA-256 is the key, as in MAVProxy's ``signing setup`` and in QGroundControl. Space around
-    a text does not count.
+    the text is ignored.
 
     Raises:
         UsageError: If the file cannot be read or holds none of these.
@@ -50,10 +50,10 @@ def read_key(path: Path) -> bytes:
 
 
 class TimestampFile:
-    """Keeps our timestamp across restarts, in a file named as the key's with ``.timestamp``.
+    """Keeps our timestamp across restarts, in the key file's name with ``.timestamp`` added.
 
-    What is stored is ``RESERVE_S`` ahead of what was used: whoever starts from it after a
-    crash uses no timestamp again, and a computer whose clock was set back is still believed.
+    The stored timestamp is ``RESERVE_S`` ahead of the one used: a start after a crash uses no
+    timestamp twice, and vehicles still trust a computer whose clock was set back.
 
     Args:
         key_path: The key's file.
@@ -63,7 +63,7 @@ class TimestampFile:
         self._path = key_path.with_name(key_path.name + ".timestamp")
 
     def load(self) -> int:
-        """The least timestamp that may be used; 0 where none was stored.
+        """The first timestamp that may be used; 0 if none was stored.
 
         Raises:
             LinkError: If the file cannot be read or holds no timestamp.
@@ -80,7 +80,7 @@ class TimestampFile:
             ) from error
 
     def store(self, timestamp: int) -> None:
-        """Store a timestamp that was used, with the reserve.
+        """Store a used timestamp, with the reserve added.
 
         Raises:
             LinkError: If the file cannot be written.

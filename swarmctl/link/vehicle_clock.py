@@ -1,4 +1,4 @@
-"""Clocks: a vehicle's time since boot mapped to UTC and to ours, each with its uncertainty."""
+"""A vehicle's time since boot, mapped to UTC and to our time, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from swarmctl.frames import sped_up_utc_s
 _REORDERING_S = 2.0
 """Packets overtake each other by less than this; boot time further back means a reboot."""
 _PAIRS = 10
-"""SYSTEM_TIMEs that the uncertainty is judged by."""
+"""Number of SYSTEM_TIMEs from which the uncertainty is taken."""
 _BOOT_RESOLUTION_S = 1e-3
 """SYSTEM_TIME cuts the boot time to the millisecond."""
 _JUDGED_AFTER_S = 1.5
-"""Time since boot over which it is judged whether a vehicle's UTC keeps up with it."""
+"""Time since boot after which the rate of a vehicle's UTC is judged, s."""
 _ROUND_TRIPS = 10
-"""Round trips among which the shortest is looked for."""
+"""Number of round trips among which the shortest is chosen."""
 
 
 class BootClock:
     """Offset between UTC and one vehicle's time since boot, from its SYSTEM_TIME.
 
     Both times of a SYSTEM_TIME belong to one instant of the vehicle, so the link's delay does
-    not enter; what remains is the millisecond to which the boot time is cut. The latest pair
+    not matter; the error is the millisecond to which the boot time is cut. The latest pair
     counts: it follows the drift of the vehicle's oscillator and a step of its UTC.
 
     A simulator with a speed-up may tell simulated UTC, as ArduPilot's SITL does, or the
-    computer's, as PX4's does. Which it is shows in how fast UTC goes against the time since boot,
-    and holds until the vehicle boots again. The computer's is then sped up
-    (:func:`swarmctl.frames.sped_up_utc_s`); a simulator that is somewhat slower or faster than it
-    should be is followed between two pairs by the slope of the last ones.
+    computer's, as PX4's does. The rate of UTC against the time since boot shows which it is, and
+    that holds until the vehicle boots again. The computer's UTC is then sped up
+    (:func:`swarmctl.frames.sped_up_utc_s`). Between two pairs, the slope of the last pairs follows
+    a simulator that runs somewhat slower or faster than it should.
 
     Args:
         speedup: Seconds of the controller's time in a second of the computer's.
@@ -43,7 +43,7 @@ class BootClock:
         self._is_sped_up = None if speedup != 1.0 else False
 
     def update(self, utc_s: float, boot_s: float) -> None:
-        """Take the two times (s) of one SYSTEM_TIME; one that was overtaken is ignored."""
+        """Take the two times (s) of one SYSTEM_TIME; an overtaken one is ignored."""
         if not self._boot_s - _REORDERING_S <= boot_s < self._boot_s:
             if boot_s < self._boot_s:
                 self._forget()
@@ -55,8 +55,8 @@ class BootClock:
     def to_utc(self, boot_s: float) -> float | None:
         """UTC (s) of a time since boot (s), sped up where the class says so.
 
-        None until a SYSTEM_TIME came since the last boot, and at a speed-up until some have. A
-        boot time well before the last SYSTEM_TIME shows a reboot, and the offset is dropped.
+        None until a SYSTEM_TIME has come since the last boot, at a speed-up until several have.
+        A boot time well before the last SYSTEM_TIME shows a reboot: then the offset is dropped.
         """
         if not self._pairs or self._is_sped_up is None:
             return None
@@ -71,8 +71,8 @@ class BootClock:
     def error_s(self) -> float | None:
         """How far the mapping may be off, s; None while there is none.
 
-        The greatest disagreement among the last pairs, but at least the resolution of the boot
-        time. An error of the vehicle's UTC itself is not seen.
+        It is the greatest disagreement among the last pairs, but at least the resolution of the
+        boot time. An error of the vehicle's UTC itself does not show.
         """
         if not self._pairs or self._is_sped_up is None:
             return None
@@ -82,7 +82,7 @@ class BootClock:
 
     @property
     def _slope(self) -> float:
-        """Seconds of the time base in a second since boot."""
+        """Seconds of the time base per second of the time since boot."""
         if not self._is_sped_up:
             return 1.0
         (first_boot_s, first_utc_s), (last_boot_s, last_utc_s) = self._pairs[0], self._pairs[-1]
@@ -94,7 +94,7 @@ class BootClock:
         return sped_up_utc_s(utc_s, self._speedup) if self._is_sped_up else utc_s
 
     def _judge(self) -> None:
-        """Whether UTC goes at the speed of the time since boot, or at the computer's."""
+        """Find out whether UTC runs at the rate of the time since boot or of the computer."""
         (first_boot_s, first_utc_s), (last_boot_s, last_utc_s) = self._pairs[0], self._pairs[-1]
         if last_boot_s - first_boot_s >= _JUDGED_AFTER_S and last_utc_s > first_utc_s:
             rate = (last_boot_s - first_boot_s) / (last_utc_s - first_utc_s)
@@ -108,9 +108,9 @@ class BootClock:
 class RoundTrips:
     """Latency of a link, and a vehicle's time since boot against ours, from TIMESYNC.
 
-    The vehicle answers between our asking and its answer's arrival, so its clock read what it
-    says at the middle of the two, give or take half the round trip. The shortest of the last
-    round trips is the most certain one (the minimum filter of NTP, RFC 5905, section 10).
+    The vehicle answers between our question and the arrival of its answer: its clock read what
+    it says at the middle of the two, give or take half the round trip. The shortest of the last
+    round trips is the most certain (the minimum filter of NTP, RFC 5905, section 10).
     """
 
     def __init__(self) -> None:
@@ -139,7 +139,7 @@ class RoundTrips:
 
     @property
     def boot_offset_s(self) -> tuple[float, float] | None:
-        """The vehicle's time since boot less our monotonic time, and by how much it may be off, s.
+        """The vehicle's time since boot less our monotonic time, and its possible error, s.
 
         None before the first answer.
         """

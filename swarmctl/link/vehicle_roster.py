@@ -1,4 +1,4 @@
-"""Who speaks: the vehicles by system id, where each is heard, and whether it is still the same."""
+"""Which vehicle speaks from where: new vehicles, moved ones, two with the same system id."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from swarmctl.link.vehicle_session import SILENT_S, VehicleSession
 
 
 class AddressedSession(VehicleSession):
-    """A vehicle and where it is heard and answered.
+    """What the native link keeps about one vehicle: also where it is heard and answered.
 
     Args:
         sysid: Its system id.
@@ -26,7 +26,7 @@ class AddressedSession(VehicleSession):
     Attributes:
         address: Where it was last heard.
         encoder: Writes our frames to that address.
-        rival: Another address from which its system id is heard; None without one.
+        rival: Another address from which its system id is heard; None if there is none.
         rival_heard_s: When it was last heard there, s.
     """
 
@@ -48,10 +48,10 @@ class VehicleRoster:
 
     Args:
         expected: System ids that belong to the swarm; None for any.
-        vehicles: Where the vehicles met are kept, by system id.
+        vehicles: The vehicles met so far, by system id; the roster adds to it.
         encoders: Write our frames.
         send: Sends a question to a vehicle.
-        reject: Told of what is not believed: its kind, a sentence and the time.
+        reject: Called with the kind of a fault, a sentence and the time.
         speedup: Seconds of our time in a second of the computer's.
     """
 
@@ -72,7 +72,7 @@ class VehicleRoster:
         self._reject = reject
 
     def meet(self, frame: Frame, address: Address, now: float) -> AddressedSession | None:
-        """A new vehicle, if this frame makes one."""
+        """The new vehicle that this frame announces; None if it announces none."""
         if frame.message_id != MessageId.HEARTBEAT or decoding.read(frame, now) is None:
             return None
         # System id 0 would make every command a broadcast.
@@ -92,8 +92,8 @@ class VehicleRoster:
     def may_speak_from(self, vehicle: AddressedSession, address: Address, now: float) -> bool:
         """Whether the vehicle may speak from this address.
 
-        One that falls silent and comes back elsewhere has moved. While two addresses speak by
-        turns they are two vehicles with the same system id, and the first is the one.
+        A vehicle that falls silent and then speaks from elsewhere has moved. Two addresses that
+        speak by turns are two vehicles with the same system id: only the first is used.
         """
         if address != vehicle.address:
             if now - vehicle.heard_s < SILENT_S:

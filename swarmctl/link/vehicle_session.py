@@ -1,6 +1,6 @@
-"""One vehicle as a link knows it, whoever speaks MAVLink underneath.
+"""What a link keeps about one vehicle, whoever speaks MAVLink underneath.
 
-What it says becomes observations; what it is to be told becomes packets, which each backend writes
+Messages of the vehicle become observations. Commands to it become packets, which each link writes
 in its own way.
 """
 
@@ -43,16 +43,16 @@ from swarmctl.link.parameter_protocol import ParameterExchange, ReadPacket, SetP
 from swarmctl.link.vehicle_clock import BootClock, RoundTrips
 
 SILENT_S = 2.0
-"""A vehicle that was not heard for so long may be another one when it is heard again."""
+"""After a silence of so many seconds, another vehicle may speak under the same system id."""
 
 Packet: TypeAlias = Attempt | ReadPacket | SetPacket | PlanPacket
-"""What a vehicle is to be told: a command, a word of a parameter's or of a fence's transfer."""
+"""What is sent to a vehicle: a command, or a step of a parameter's or a fence's transfer."""
 WHO_ARE_YOU = {MavCmd.REQUEST_MESSAGE, MavCmd.REQUEST_AUTOPILOT_CAPABILITIES}
-"""What is asked of a vehicle that is not believed to be itself."""
+"""What is still asked of a vehicle under whose system id another one answers."""
 
 
 def mapped(told: VehicleClock, clock: BootClock) -> VehicleClock | None:
-    """Let a clock know what its vehicle tells; returns it in the clock's time base.
+    """Update a clock from its vehicle's SYSTEM_TIME; returns that in the clock's time base.
 
     Args:
         told: The vehicle's SYSTEM_TIME.
@@ -77,7 +77,7 @@ class VehicleSession:
     Attributes:
         sysid: As above.
         heard_s: When it was last heard, s.
-        personality: Manners of its flight stack; None for what is not commanded.
+        personality: How its flight stack wants to be asked; None if it is not commanded.
         home_alt_amsl_m: Altitude of its home, m; None while it is not known.
         uid: Its hardware id; 0 while it is not known.
         is_another: Whether another vehicle answers under its system id.
@@ -107,19 +107,20 @@ class VehicleSession:
         return f"System id {self.sysid}"
 
     def hear(self, now: float) -> bool:
-        """It was heard; returns whether to ask it if it is still the vehicle that we knew."""
+        """Note that it was heard; returns whether to ask it for its hardware id again."""
         silent_s, self.heard_s = now - self.heard_s, now
         return silent_s >= SILENT_S and self.uid != 0
 
     def identify(self, version: VehicleVersion) -> str | None:
-        """Keep its hardware id, or find that another vehicle answers in its place.
+        """Keep its hardware id, or notice that another vehicle answers in its place.
 
-        What another vehicle says is not used, and it is told nothing, until the first is back.
+        The other vehicle's messages are not used, and nothing is sent to it, until the first is
+        back.
 
         Returns:
             A sentence if another vehicle answers.
         """
-        if version.uid != 0:  # known to itself
+        if version.uid != 0:  # a vehicle that does not know its own id says 0
             self.uid = self.uid or version.uid
             self.is_another = version.uid != self.uid
             if self.is_another:
@@ -142,14 +143,14 @@ class VehicleSession:
         )
 
     def take(self, message: Message, now: float) -> Observation | None:
-        """Take what it says, and let those who wait for it know.
+        """Take a message of the vehicle, and hand answers to the exchange that waits for them.
 
         Args:
-            message: What it says; an answer only if the question was ours.
+            message: The message; an answer only if the question was ours.
             now: Monotonic time, s.
 
         Returns:
-            What there is to report; None for an answer.
+            The observation to report; None for an answer.
         """
         match message:
             case PositionMessage():
@@ -209,7 +210,7 @@ class VehicleSession:
         )
 
     def packets(self) -> Iterator[Packet]:
-        """Drain what its exchanges want it to be told: another vehicle is only asked who it is."""
+        """Drain the packets to send; another vehicle in its place is only asked who it is."""
         for attempt in self.exchange.attempts():
             command = attempt.command
             asks = not isinstance(command, DataStream) and command.command in WHO_ARE_YOU
@@ -220,5 +221,5 @@ class VehicleSession:
             yield from others
 
     def outcomes(self) -> list[Observation]:
-        """Drain what its exchanges have come to."""
+        """Drain how its exchanges ended."""
         return [*self.exchange.outcomes(), *self.parameters.values(), *self.fence.outcomes()]

@@ -1,4 +1,4 @@
-"""Who flies the vehicles: we, a pilot who has taken one over, or a failsafe of its own."""
+"""Who flies each vehicle: swarmctl, a pilot who has taken over, or a failsafe of its own."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.results import MissionResult
 
 RESUME_S = 5.0
-"""A vehicle that left guided mode on a failsafe it comes back from by itself has this long."""
+"""A vehicle that left guided mode on a failsafe may come back to it by itself within this time."""
 
 
 class Custody:
-    """Tells a vehicle that has missed our setpoints from one that is no longer ours.
+    """Tells a vehicle that only missed our setpoints from one that we may not command any more.
 
     Args:
         fleet: The vehicles.
 
     Attributes:
-        released: Vehicles that are not commanded any more, by system id.
+        released: System ids of the vehicles that are not commanded any more.
     """
 
     def __init__(self, fleet: Fleet) -> None:

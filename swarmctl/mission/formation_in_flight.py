@@ -1,4 +1,4 @@
-"""The formation in flight: which design, who stands where, and the LOS it is drawn against."""
+"""The formation in flight: the design, who takes which slot, and the LOS it is drawn against."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ MORPH_SHARE = 0.7
 MORPH_GAIN = 0.03
 """Their speed per metre that is left to go, 1/s: a small change is made gently."""
 MORPH_ACCELERATION_SHARE = 0.3
-"""Share of the vehicles' acceleration that it takes."""
+"""Share of the vehicles' acceleration that slots use on the way."""
 FIRST_RANGE = 1.2
 """Designs are made for ranges from this many times the slots' distance on."""
 
 
 class FormationInFlight:
-    """The companions' slots around the reference UAV.
+    """The slots of the companions around the reference UAV.
 
     Args:
         mission: The mission.
@@ -67,7 +67,7 @@ class FormationInFlight:
         )
         self._choices: dict[int, DesignChoice] = {}
         self._range_m = math.inf
-        # The design for an unsure line of sight takes long to make: now, not in flight.
+        # The design for an unsure line of sight takes long to make: not in flight.
         self._choice.choose(self._range_m, math.pi)
         self._design = self._choice.choose(self._range_m, 0.0)
         # In the LOS frame, along and across: where the slots are, where they move to, how fast.
@@ -124,8 +124,8 @@ class FormationInFlight:
         """Share out the slots anew.
 
         Args:
-            positions: (n, 2) of all vehicles, m.
-            emitter: (2,) of the estimate, m.
+            positions: (n, 2) positions of all vehicles, m.
+            emitter: (2,) estimated position, m.
 
         Raises:
             FormationError: No design fits as few as are left.
@@ -155,7 +155,7 @@ class FormationInFlight:
         Args:
             bearing_rad: Direction of the estimate from the reference UAV, rad from East.
             rate_rads: Its geometric rate, rad/s.
-            range_m: To the estimate, m.
+            range_m: Range to the estimate, m.
             los_sigma_rad: 1-sigma of the bearing, rad.
             max_correction_rads: Limit of the correction, rad/s.
             dt: Control period, s.
@@ -234,8 +234,8 @@ class FormationInFlight:
         for which they have the least squared way to go.
 
         Args:
-            positions: (n, 2) of all vehicles, m.
-            emitter: (2,) of the estimate, m.
+            positions: (n, 2) positions of all vehicles, m.
+            emitter: (2,) estimated position, m.
 
         Raises:
             FormationError: No design fits as few as are left.

@@ -12,7 +12,7 @@ from swarmctl.mission.phases import FLYING_FORMATION, Phase
 from swarmctl.results import MissionResult
 
 BROKEN_PLAN_S = 5.0
-"""A plan that would break a limit for this long ends the mission."""
+"""A mission ends if every plan for this long would break a limit."""
 
 
 class InFlightChecks:
@@ -34,11 +34,11 @@ class InFlightChecks:
     def vehicle_failure(
         self, fleet: Fleet, excused: Collection[int], all_up: bool, now: float
     ) -> Failure | None:
-        """What is wrong with a vehicle that flies, if anything.
+        """The first thing that is wrong with a vehicle in flight, if anything.
 
         Args:
             fleet: The vehicles.
-            excused: Those a pilot has taken over, and those given up already.
+            excused: System ids of vehicles a pilot has taken over, and of those given up already.
             all_up: Whether all of them should be in the air by now.
             now: Controller's time, s.
         """

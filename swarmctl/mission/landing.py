@@ -10,7 +10,7 @@ from swarmctl.mission.loss_detection import LossDetection
 STAGGER_S = 2.0
 """One vehicle starts to land this long after the one before."""
 RETRY_S = 4.0
-"""A refused or unanswered landing is asked for again after this long."""
+"""A landing that is refused or not answered is asked for again after this long."""
 LANDING_TIMEOUT_S = 300.0
 """A vehicle that has not disarmed this long after the landing began is given up."""
 
@@ -34,7 +34,7 @@ class Landing:
 
     @property
     def given_up(self) -> tuple[int, ...]:
-        """Vehicles that could not be seen to land."""
+        """System ids of the vehicles that were not seen to land."""
         return tuple(sorted(self._given_up))
 
     def step(self, now: float) -> list[Command]:

@@ -11,17 +11,17 @@ from swarmctl.mission.fleet import VehicleState
 from swarmctl.results import MissionResult
 
 STAGGER_S = 2.0
-"""One vehicle starts this long after the other."""
+"""One vehicle starts this long after the one before."""
 TAKE_OFF_TIMEOUT_S = 90.0
 """A vehicle that is not at its altitude this long after the take-off command has failed."""
 STREAM_S = 1.5
-"""Setpoints come this long before a vehicle that is guided by a stream is asked for the mode."""
+"""A vehicle that is guided by a stream gets setpoints this long before its mode is set."""
 AT_ALTITUDE_M = 2.0
-"""Climb complete within this of the altitude, m."""
+"""A vehicle counts as at its altitude from this far below it, m."""
 
 
 class Step(Enum):
-    """How far a launch is."""
+    """How far the launch of a vehicle is."""
 
     GROUND = auto()
     STREAM = auto()

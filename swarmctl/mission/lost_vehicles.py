@@ -22,7 +22,7 @@ class LostVehicles:
     Args:
         mission: The mission.
         fleet: Its vehicles.
-        planner: Told who flies.
+        planner: The planner; it is told who flies.
         losses: Tells which vehicles are lost.
 
     Attributes:
@@ -49,11 +49,11 @@ class LostVehicles:
         """Let the others close up, if a vehicle is lost and enough companions are left.
 
         Args:
-            failure: What has happened.
+            failure: The failure that was found.
             phase: The phase.
             target: The estimate now.
-            rereferences: Whether the feed tells range differences without the lost vehicle
-                should it be the reference UAV.
+            rereferences: Whether the feed still gives range differences if the lost vehicle is the
+                reference UAV.
 
         Returns:
             What to tell the operator; None if the mission cannot do without.
@@ -83,7 +83,7 @@ class LostVehicles:
     def take_in_again(
         self, utc: float | None, now: float, is_ours: Callable[[VehicleState], bool]
     ) -> list[str]:
-        """Take in the lost that are heard and fly on our setpoints again.
+        """Take in lost vehicles that are heard and fly on our setpoints again.
 
         Args:
             utc: UTC now, s; None while it is unknown.

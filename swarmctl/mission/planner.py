@@ -45,9 +45,9 @@ HOMING_SHARE = 0.9
 REFERENCE_SHARE = 0.4
 """Share of the greatest acceleration the reference uses: the outer followers need more than it."""
 REFERENCE_YIELDS = 0.1
-"""How much the reference goes out of a companion's way, when a companion does by 1."""
+"""Weight with which the reference makes way for a companion; a companion's is 1."""
 LOST_YIELDS = 0.01
-"""How much a lost companion's plan does: nearly nothing, for it may not hear."""
+"""The same weight for a lost companion: nearly nothing, for it may not hear us."""
 BRAKING_SHARE = 0.3
 """Share of the greatest acceleration counted on to stop before a limit."""
 CORRECTION_SHARE = 0.7
@@ -56,14 +56,14 @@ CORRECTION_SHARE = 0.7
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """One period's plan: rows in the mission file's order of vehicles.
+    """The planned motion in one control period; rows in the mission file's order of vehicles.
 
     Attributes:
         positions: (n, 3) planned positions, ENU m.
         velocities: (n, 3) planned velocities, m/s.
-        slots: (n, 3) where each vehicle should be; its plan once formed.
+        slots: (n, 3) where each vehicle should be, m; its planned position once formed.
         los: The LOS the formation is drawn against.
-        broken: Limits this plan would have broken; then it is the last good one, held.
+        broken: Limits that this plan would have broken; then the last good plan is held.
     """
 
     positions: Array
@@ -107,7 +107,7 @@ class Planner:
         self._reach_m = mission.limits.d_max_m - 0.5 * mission.formation.margin_m
 
     def _require_fence(self) -> None:
-        """A formation with slots ahead of the reference orbits farther off than others."""
+        """Check that the orbit fits the geofence: slots ahead of the reference make it wider."""
         east, north, _ = expected_enu(self._mission)
         reach = math.hypot(east, north) + self._shape.orbit_m + self._mission.limits.d_max_m
         fence = self._mission.limits.geofence_radius_m
@@ -147,7 +147,7 @@ class Planner:
             worst_error_m: Greatest measured distance of a follower from its slot, m.
             launch: (n, 2) launch points, m.
             dt: Length of the period, s.
-            trust: What the estimate is good for.
+            trust: How far guidance relies on the estimate.
         """
         if phase in FLYING_FORMATION:
             velocities = self._formation_velocities(phase, target, worst_error_m, dt, trust)
@@ -250,14 +250,14 @@ class Planner:
         self, phase: Phase, target: Target, worst_error_m: float, dt: float, trust: Trust
     ) -> Array:
         limits = self._mission.limits
-        # Who is lost comes to rest gently, lest those behind him have to brake out of formation.
+        # A lost vehicle's plan comes to rest gently: those behind it need not leave the formation.
         speeds = np.linalg.norm(self._velocities, axis=1, keepdims=True)
         braking = BRAKING_SHARE * np.array(self._accelerations)[:, None]
         slower = np.maximum(speeds - braking * dt, 0.0)
         velocities: Array = self._velocities * (slower / np.maximum(speeds, 1e-9))
         reference = self._positions[self._shape.reference]
         east, north = (reference - target.position_enu[:2]).tolist()
-        # Followers are led by what the reference will do, not by what it would like to.
+        # Followers are led by the velocity the reference will have, not by the one it wants.
         holds = trust is Trust.NONE
         wished = (
             (0.0, 0.0)
@@ -317,7 +317,7 @@ class Planner:
         return (relative[0] + led[0], relative[1] + led[1])
 
     def _within_reach(self, velocities: Array) -> list[SpeedBound]:
-        """Companions in formation that make way for another do not leave it for that."""
+        """Bounds that keep companions in reach of the reference while they make way for others."""
         led = velocities[self._shape.reference]
         bounds = []
         for i in self._shape.members:
@@ -346,7 +346,7 @@ class Planner:
         return velocities
 
     def _yielding(self, phase: Phase) -> Array:
-        """How much each vehicle goes out of the others' way; who is lost hardly does."""
+        """Weight with which each vehicle makes way for others, (n,); a lost one hardly does."""
         if phase not in FLYING_FORMATION:
             return np.ones(len(self._altitudes))
         yielding: Array = np.full(len(self._altitudes), LOST_YIELDS)
@@ -355,7 +355,7 @@ class Planner:
         return yielding
 
     def _bend(self, i: int, wanted: Vector2, target: Target) -> Vector2:
-        """What vehicle i wants, within the bounds of place and speed.
+        """The velocity that vehicle i wants, bent by stand-off and geofence and limited in speed.
 
         The braking it counts on is less than any plan's acceleration, so that a limit seen in
         time is kept.
@@ -376,7 +376,7 @@ class Planner:
         return limit(velocity, self._speeds[i])
 
     def _rejoined(self, velocities: Array) -> set[int]:
-        """Who was on his way back and now flies with his slot."""
+        """Companions that were on their way back and have reached their slots."""
         if not self._returning:
             return set()
         slots = self._slots()
@@ -390,7 +390,7 @@ class Planner:
         }
 
     def _violations(self, full: Array, phase: Phase, target: Target) -> list[str]:
-        """Limits that planned positions break; who is on his way back may be out of reach."""
+        """Limits that planned positions break; a companion on its way back may be out of reach."""
         present = sorted(self._shape.flying)
         joined = [i for i in present if i not in self._returning]
         found = []

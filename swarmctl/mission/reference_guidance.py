@@ -1,4 +1,4 @@
-"""Where the reference UAV leads the formation: to the emitter, round it, or aside for a while."""
+"""How the reference UAV leads the formation: to the emitter, round it, or aside for a while."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from swarmctl.mission.target import Target
 from swarmctl.units import Array, Vector2
 
 LEASH_M = (4.0, 12.0)
-"""The reference slows from full speed to a stop as the worst slot error grows between these."""
+"""The reference slows from full speed to a stop as the worst slot error grows between."""
 ASIDE_RAD = (math.radians(20.0), math.radians(60.0))
-"""It slows likewise as the formation faces another way than the estimate, to let it turn."""
+"""It slows likewise as the angle between the formation's LOS and the estimate grows."""
 FEED_HZ = 10.0
-"""Rate of range differences that dog-legs are judged by."""
+"""Rate of range differences that the choice of dog-legs assumes, Hz."""
 PLAN_FENCE_MARGIN_M = 10.0
-"""Plans are turned back this far inside the geofence."""
+"""Plans keep this far inside the mission's geofence."""
 PACE_SHARE = 0.95
-"""Share of the vehicles' greatest speeds the formation flies: they keep some to correct with."""
+"""Share of the vehicles' greatest speeds that the formation flies; the rest is for corrections."""
 RANGE_GUARD = 3.0
 """The reference does not approach nearer than this many sigmas of the estimate."""
 
 
 class ReferenceGuidance:
-    """The reference UAV's wishes.
+    """The velocity that the reference UAV wants.
 
     Args:
         mission: The mission.

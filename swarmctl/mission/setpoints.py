@@ -1,4 +1,4 @@
-"""From a plan to what the vehicles are told, and back to how well they fly it."""
+"""From a plan to setpoints, and from measured positions to slot errors."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from swarmctl.units import Vector
 
 
 def setpoint_commands(planned: PlannedMotion, fleet: Fleet, ours: Sequence[bool]) -> list[GoTo]:
-    """The setpoints of a plan.
+    """The setpoints of a plan, for the vehicles that are ours.
 
     Args:
         planned: Rows as the fleet's vehicles.
         fleet: The vehicles; each keeps its own altitude above the sea.
-        ours: Which of them are ours to command, (n,).
+        ours: Whether each vehicle is ours to command, (n,).
     """
     found = []
     rows = zip(
@@ -51,8 +51,8 @@ def measured_slots(
     Args:
         planned: Rows as the fleet's vehicles.
         fleet: The vehicles.
-        planner: Knows who flies in the formation.
-        utc_s: The instant compared at; None while the time is unknown.
+        planner: The planner, which knows who flies in the formation.
+        utc_s: UTC of the comparison, s; None while it is unknown.
     """
     vehicles = list(fleet.vehicles.values())
     here = [v.position_at(utc_s) if utc_s is not None else None for v in vehicles]

@@ -1,4 +1,4 @@
-"""What guidance knows of the emitter."""
+"""The target: the estimate of the emitter as guidance sees it."""
 
 from __future__ import annotations
 

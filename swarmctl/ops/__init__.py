@@ -1,4 +1,4 @@
-"""Running a mission: the shell that joins core, link, feed and recorder, live or in memory.
+"""Runs a mission: joins core, link, feed and recorder, live or in memory.
 
-The only room that imports ``sim``, and lazily: a controller in the field never loads it.
+Only this room and the studies import ``sim``; a controller in the field never loads it.
 """

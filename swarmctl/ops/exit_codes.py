@@ -1,4 +1,4 @@
-"""What a mission's result means to whoever started it: the exit codes."""
+"""The exit codes of the command line, and what each means."""
 
 from __future__ import annotations
 

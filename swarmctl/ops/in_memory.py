@@ -1,8 +1,8 @@
-"""A mission on a virtual clock: the same bytes as over UDP and MQTT, as fast as the machine can.
+"""Flies a mission on a virtual clock: the same bytes as over UDP and MQTT, at full speed.
 
-Vehicles and controller exchange encoded MAVLink datagrams and feed messages through lists
-instead of sockets; everything above and below is the code that flies live. The same seed gives
-the same flight, bit for bit.
+Vehicles and controller exchange encoded MAVLink datagrams and feed messages through lists instead
+of sockets; all other code is the code that flies live. The same seed gives the same flight, bit
+for bit.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from swarmctl.ops.vehicle_links import native_link
 from swarmctl.recorder.summary import FlightSummary
 
 STEP_S = 0.02
-"""Bytes are exchanged this often, virtual s: the delay of the in-memory links."""
+"""Time between two exchanges of bytes, virtual s: the delay of the in-memory links."""
 UTC_START_S = 1_790_000_000.0
 """UTC at virtual time 0, s: fixed, so that a seed fixes the whole recording."""
 PERFECT = Impairments()
 """A radio that loses and delays nothing."""
 HOPELESS_S = 3600.0
-"""A flight that has not ended this long after its time limit hangs."""
+"""A flight that has not ended this long after its time limit counts as hung, s."""
 
 
 def fly_in_memory(
@@ -73,7 +73,7 @@ def fly_in_memory(
     down: RadioChannel[tuple[int, bytes]] = RadioChannel(impairments, generator(seed, "downlink"))
     up: RadioChannel[tuple[int, bytes]] = RadioChannel(impairments, generator(seed, "uplink"))
     key = signing_key(mission)
-    # On a virtual clock no timestamp is used twice by chance: none is kept.
+    # On a virtual clock no timestamp is used twice by chance, so none is kept on disk.
     signing = Signing(key, timestamp_at(UTC_START_S), UTC_START_S) if key is not None else None
     with Recording(mission, Path(mission_path), out, seed) as recording:
         link = native_link(mission, signing=signing)

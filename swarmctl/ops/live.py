@@ -1,7 +1,7 @@
-"""A mission over real sockets: the asyncio shell around the station.
+"""Flies a mission over real sockets: the asyncio shell around the station.
 
-It moves bytes and re-arms one timer; every decision is the station's. ``speedup`` scales its
-clock, for simulators that run faster than real time.
+It moves bytes and re-arms one timer; the station decides. ``speedup`` scales its clock, for
+simulators that run faster than real time.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from swarmctl.ops.vehicle_links import mavsdk_link, native_link, station_address
 from swarmctl.recorder.summary import FlightSummary
 
 HICCUP_S = 1.0
-"""How long a busy computer may keep this process or the simulator waiting, s of wall time."""
+"""Longest time that a busy computer keeps this process or the simulator waiting, s of wall time."""
 ONE_INTERRUPT_S = 0.5
-"""Signals this close together are one: make and timeout pass on what the process gets anyway."""
+"""Signals this close together count as one: make and timeout repeat the signal, s."""
 PUBLICATIONS_KEPT = 50
-"""Estimates waiting for a slow broker; older ones are worth nothing and are dropped."""
+"""Most estimates that wait for a slow broker; older ones are useless and are dropped."""
 
 
 class AbandonedError(SwarmError):
-    """The operator left the swarm in flight; the message says what each vehicle does now."""
+    """The operator left the swarm in flight. The message says what each vehicle does next."""
 
     exit_code = 130
 
@@ -169,7 +169,7 @@ class _Shell:
         self.do(lambda now: self.station.broker_state(connected, now))
 
     def interrupt(self) -> None:
-        """First: bring the swarm home. Second: leave at once."""
+        """Bring the swarm home; the second time, leave at once."""
         now_s = asyncio.get_running_loop().time()
         if self._asked_at_s is None:
             self._asked_at_s = now_s
@@ -178,11 +178,11 @@ class _Shell:
             self._done.set_exception(AbandonedError(what_vehicles_do(self.station)))
 
     def snapshot(self) -> Snapshot:
-        """The mission now."""
+        """The mission at this instant."""
         return self.station.snapshot(self._clock())
 
     def do(self, action: Callable[[float], None]) -> None:
-        """Do something with the station at this instant, then whatever follows from it."""
+        """Do something with the station at this instant, then everything that follows from it."""
         if self._done.done() or not self._is_running:
             return
         try:
@@ -198,7 +198,7 @@ class _Shell:
             else:
                 self._arm()
         except Exception as error:
-            # Callbacks have nobody above them: the flight's own coroutine raises it instead.
+            # Nobody catches what a callback raises: the flight's own coroutine raises it.
             error.add_note(what_vehicles_do(self.station))
             self._done.set_exception(error)
 
@@ -225,7 +225,7 @@ class _Shell:
 
 
 def what_vehicles_do(station: Station) -> str:
-    """What each vehicle does by itself once no setpoint comes any more, one line each."""
+    """What each vehicle does by itself without setpoints, one line each."""
     lines = ["swarmctl has left; nobody commands the vehicles now:"]
     for vehicle in station.controller.fleet.vehicles.values():
         beat = vehicle.heartbeat

@@ -1,4 +1,4 @@
-"""The signing key of a mission, and its timestamp kept on disk for as long as it flies."""
+"""MAVLink signing as a mission wants it: its key, and its timestamp kept on disk in flight."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from swarmctl.mission.mission_file import Mission
 
 
 def signing_key(mission: Mission) -> bytes | None:
-    """The key that signs MAVLink; None if the mission wants none.
+    """The key that signs MAVLink; None if the mission wants no signing.
 
     Raises:
-        UsageError: If the key's file holds no key.
+        UsageError: If the key file holds no key.
     """
     path = mission.swarm.signing_key_file
     return read_key(Path(path)) if path else None
@@ -27,17 +27,17 @@ def signing_key(mission: Mission) -> bytes | None:
 async def signing(
     mission: Mission, utc_start_s: float, speedup: float
 ) -> AsyncIterator[Signing | None]:
-    """MAVLink signing as the mission wants it; None if it wants none.
+    """MAVLink signing for a flight; None if the mission wants no signing.
 
     Args:
         mission: The mission.
         utc_start_s: UTC at the station's time 0, s.
-        speedup: Seconds of the station per second. Where it is not 1 the station's UTC runs away
-            from the true one, and no timestamp is kept: the next flight would be ahead of its
-            vehicles by more than they are believed.
+        speedup: Seconds of the station per second. If it is not 1, the station's UTC runs away
+            from the true one and no timestamp is kept: the next flight would begin with one too
+            far in the future.
 
     Raises:
-        UsageError: If the key's file holds no key.
+        UsageError: If the key file holds no key.
         LinkError: If the timestamp cannot be kept beside it.
     """
     key = signing_key(mission)
@@ -60,7 +60,7 @@ async def signing(
 async def _keep(used: Signing, file: TimestampFile) -> None:
     while True:
         await asyncio.sleep(STORE_EVERY_S)
-        # A disk that is full in mid-flight is no reason to stop: the reserve lasts, and the
-        # clock of this computer is right.
+        # A full disk in mid-flight is no reason to stop: the reserve lasts, and the clock of
+        # this computer is right.
         with contextlib.suppress(LinkError):
             file.store(used.timestamp)

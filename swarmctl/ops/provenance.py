@@ -1,4 +1,4 @@
-"""Where a result comes from: seed, versions and commit, stamped on every JSON result."""
+"""Where a result comes from: the seed, versions and commit that are stamped on a flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight's record and debrief: opened once flying is possible, closed whatever happens."""
+"""A flight's recording and debrief: opened when the flight can begin, closed in any case."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Recording:
     Args:
         mission: The mission.
         mission_path: Its file, copied into the recording.
-        out: Directory of the recording; None keeps only what the summary needs.
+        out: Directory of the recording; None records nothing and still gives a summary.
         seed: Seed of the simulation; None for real vehicles.
     """
 
@@ -58,7 +58,7 @@ class Recording:
         self._recorder: FlightRecorder | None = None
 
     def open(self) -> None:
-        """Create the files; until then, records only reach the debrief.
+        """Create the files. Records before that only reach the debrief.
 
         Raises:
             UsageError: If the directory cannot be used.
@@ -102,13 +102,13 @@ class Recording:
                 self._recorder.frame(raw, at_s + utc_offset_s)
 
     def close(self) -> None:
-        """Finish the files, so that they open; doing so again is harmless."""
+        """Finish the files, so that they can be read; a second call does nothing."""
         if self._recorder is not None:
             self._recorder.close()
             self._recorder = None
 
     def summary(self, station: Station, wall_s: float) -> FlightSummary:
-        """The flight's figures; written with the plots where there is a directory.
+        """Sum the flight up; with a directory, write the summary and the plots.
 
         Args:
             station: The station that flew.

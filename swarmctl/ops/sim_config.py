@@ -20,27 +20,28 @@ from sim.config import (
 from sim.faults import Faults
 from swarmctl.errors import UsageError
 from swarmctl.frames import sped_up_utc_s
-from swarmctl.mission.mission_file import Mission, Simulation
+from swarmctl.mission.mission_file import Mission
+from swarmctl.mission.mission_file_simulation import Simulation
 from swarmctl.ops.mission_signing import signing_key
 
 OWNERS_PARAMETERS = {
     "ardupilot": (("WPNAV_SPEED", 1500.0), ("WPNAV_SPEED_UP", 300.0), ("BATT_FS_LOW_ACT", 2.0)),
     "px4": (("MPC_XY_VEL_MAX", 15.0),),
 }
-"""What the owner of the simulated vehicles has set: as fast as their airframe can, and home on a
-low battery."""
+"""Parameters that the owner of the simulated vehicles has set: full speed of the airframe, and
+return on a low battery."""
 
 
 def sim_config(
     mission: Mission, seed: int | None, utc_start_s: float, speedup: float = 1.0
 ) -> SimConfig:
-    """Configuration of a mission's simulation.
+    """The simulator's configuration for a mission.
 
     Args:
         mission: A mission with a ``sim`` section.
         seed: Overrides the section's seed.
         utc_start_s: UTC at simulation time 0, s.
-        speedup: Simulated seconds per second: as in SITL, UTC follows it on an ArduCopter, and
+        speedup: Simulated seconds per second. As in SITL, UTC follows it on an ArduCopter but
             not on a PX4.
 
     Raises:

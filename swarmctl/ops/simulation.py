@@ -1,7 +1,7 @@
-"""Simulated vehicles, emitter and broker, as ``swarmctl sim`` serves them.
+"""Serves simulated vehicles, emitter and broker, as ``swarmctl sim`` does.
 
-The simulator is told about a mission only through its own plain configuration; nothing of the
-controller reaches it but bytes over UDP and MQTT.
+The simulator learns of a mission through its own plain configuration only. In flight, nothing of
+the controller reaches it but bytes over UDP and MQTT.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from swarmctl.mission.mission_file import Mission
 from swarmctl.ops.sim_config import sim_config
 
 READY = "simulating"
-"""First word of the line a simulator process prints once it serves."""
+"""First word of the line that a simulator process prints when it serves."""
 
 LISTEN = "udpin://127.0.0.1:14600"
-"""Where the receivers of vehicles that others fly hear their MAVLink."""
+"""Where the receivers hear the MAVLink of vehicles that others fly, by default."""
 
 
 async def serve_mission(
@@ -125,10 +125,10 @@ async def _broker(
 def controller_addresses(mission: Mission) -> list[tuple[str, int]]:
     """Hosts and ports that simulated vehicles send to.
 
-    A port for each vehicle where the mission listens on as many; else the first, for all.
+    Each vehicle has a port of its own if the mission listens on as many; else all have the first.
 
     Raises:
-        UsageError: If it listens on none.
+        UsageError: If the mission listens on none.
     """
     urls = [url for url in map(parse_url, mission.swarm.link) if url.scheme == "udpin"]
     if not urls:
@@ -154,8 +154,8 @@ async def simulated(
 ) -> AsyncIterator[None]:
     """Run a mission's simulator in a process of its own for as long as the context lasts.
 
-    It ignores Ctrl-C (the controller first brings the swarm home) and ends with this process,
-    however that ends.
+    The process ignores Ctrl-C (the controller first brings the swarm home) and ends with this
+    one, however this one ends.
 
     Raises:
         UsageError: If the simulator says that an argument is wrong.

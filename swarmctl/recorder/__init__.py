@@ -1,1 +1,1 @@
-"""Recording a flight: MAVLink log, MCAP of everything the core saw and decided, debrief."""
+"""A flight's recording: MAVLink log, MCAP of all records, debrief, summary and plots."""

@@ -1,7 +1,7 @@
-"""The debrief: what a flight achieved, accumulated while it flies. No I/O, no clock.
+"""The debrief: the figures of a flight, accumulated while it flies. No I/O, no clock.
 
-The controller never sees the emitter's truth; the debrief does, when a simulator publishes it.
-Figures that need it are None without it.
+The controller never sees the true emitter. The debrief does where a simulator publishes it;
+figures that need it are None without it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from swarmctl.units import Vector
 
 @dataclass(frozen=True)
 class DebriefSettings:
-    """What the debrief has to know of the mission.
+    """What the debrief has to know about the mission.
 
     Attributes:
         frame: The mission's local frame.
@@ -51,10 +51,10 @@ class DebriefSettings:
         observing_phases: Names of the phases that count for accuracy and formation keeping.
         prior_mean: Prior position of the emitter, ENU, m.
         prior_covariance: Covariance of the prior on (position, velocity), (6, 6), SI.
-        process_noise: Power spectral density of the emitter's acceleration as the tracker
-            assumes it, (3,), m²/s³.
+        process_noise: Power spectral density of the emitter's acceleration that the track
+            assumes, per axis, (3,), m²/s³.
         sigma_p_m: White 1-sigma of a reported UAV position per axis, m.
-        errors: What else the tracker assumes to be wrong with the receivers.
+        errors: The receivers' errors that the track assumes besides.
         d_max_m: Limit of a follower's distance from the reference UAV, m.
         stand_off_m: Limit of any UAV's distance from the emitter, m.
     """
@@ -75,11 +75,11 @@ class Debrief:
     """Accumulates the figures and series of one flight, record by record.
 
     Args:
-        settings: The mission's side of it.
+        settings: What it has to know about the mission.
 
     Attributes:
         settings: As given.
-        series: What the plots are drawn from.
+        series: The series that the plots are drawn from.
     """
 
     def __init__(self, settings: DebriefSettings) -> None:
@@ -122,9 +122,9 @@ class Debrief:
         }
 
     def record(self, record: Record) -> None:
-        """Take a record, in the order in which the core saw or made it.
+        """Take the next record, in the order in which the core saw or made them.
 
-        Commands carry no time and say nothing that the debrief asks for.
+        Commands are ignored: they carry no time and nothing that the debrief needs.
         """
         if isinstance(record, Observation):
             now = record.received_s
@@ -148,14 +148,14 @@ class Debrief:
 
     @property
     def health_spans(self) -> list[tuple[float, float, str]]:
-        """Begin and end (mission time, s) of each status of the track, the last until the end."""
+        """Begin and end (mission time, s) of each status of the track; the last ends the flight."""
         changes = self.series.health
         ends = [*(begin for begin, _ in changes[1:]), self.duration_s]
         return [(begin, end, status) for (begin, status), end in zip(changes, ends, strict=False)]
 
     @property
     def final_estimate(self) -> Estimate | None:
-        """The last estimate of the observing phases; of the flight, if it never observed."""
+        """The last estimate of the observing phases, or of the flight if it never observed."""
         return self._accuracy.final_estimate
 
     @property

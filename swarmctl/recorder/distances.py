@@ -1,4 +1,4 @@
-"""How near the UAVs came to each other and to the true emitter."""
+"""The least distances of a flight: between UAVs, and from the true emitter."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from swarmctl.units import Vector
 AIRBORNE_M = 3.0
 """A UAV counts as airborne this far above its first reported altitude."""
 MAX_AGE_S = 1.0
-"""A position older than this is not carried on to another vehicle's epoch."""
+"""A position older than this is not extrapolated to another vehicle's epoch."""
 _WAITING = 4096
-"""Positions that wait for the truth to cover their epoch; without truth the oldest go."""
+"""Positions that may wait for the truth of their epoch; beyond it the oldest are dropped."""
 
 
 class _Vehicle:
@@ -33,8 +33,8 @@ class Distances:
     """Least separation and least stand-off of a flight, 3-D, between airborne vehicles only.
 
     Args:
-        truth: The emitter's track; :meth:`settle` is called when it has grown.
-        series: Takes the tracks, launch points and stand-offs.
+        truth: The true emitter; call :meth:`settle` when it has grown.
+        series: Where the vehicles' tracks, launch points and stand-offs are kept.
     """
 
     def __init__(self, truth: TruthTrack, series: FlightSeries) -> None:
@@ -89,7 +89,7 @@ class Distances:
             self._waiting.append((epoch_s, time_s, position))
 
     def settle(self, until_s: float) -> None:
-        """Compare the positions up to an epoch that the truth covers (UTC, s) with it."""
+        """Compare with the truth all positions up to an epoch (UTC, s) that it covers."""
         waiting, truth_at = self._waiting, self._truth.at
         standoffs = self._series.standoffs
         while waiting and waiting[0][0] <= until_s:

@@ -1,4 +1,4 @@
-"""Everything a flight leaves behind, in one directory.
+"""The recording of a flight: its files in one directory.
 
 ===================  ==================================================================
 ``mission.yaml``     the mission file that was flown
@@ -27,11 +27,11 @@ class FlightRecorder:
     """Records a flight. The same records and frames give the same bytes.
 
     Args:
-        directory: Where to; created if it is not there.
+        directory: Directory of the recording; created if it is not there.
         mission_name: Name of the mission file, without directories.
         mission_text: Its text.
-        provenance: Seed, versions and the like.
-        debrief: Is handed every record too.
+        provenance: Seed, versions and commit.
+        debrief: Takes every record too.
 
     Raises:
         UsageError: The directory holds a recording already or cannot be written.

@@ -1,8 +1,8 @@
 """The MCAP log: every record the core saw or made, as JSON with its schema.
 
-One channel per topic (:func:`topic_of`); schema and message encodings are ``jsonschema`` and
-``json`` of the MCAP registry. Viewers such as Foxglove and Lichtblick understand a narrow
-part of JSON Schema, so :func:`viewer_schema` writes msgspec's schemas in that part.
+There is one channel per topic (:func:`topic_of`). Schemas and messages are encoded as
+``jsonschema`` and ``json`` of the MCAP registry. Viewers such as Foxglove and Lichtblick
+understand only a part of JSON Schema; :func:`viewer_schema` rewrites msgspec's schemas in it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _OTHER_OBSERVATIONS = "input"
 
 
 def topic_of(record: Record) -> str:
-    """Topic of a record, from its family.
+    """The topic of a record: its family, class and vehicle.
 
     ``/vehicle/3/VehiclePosition``, ``/feed/RangeDifferences``, ``/truth/EmitterTruth``,
     ``/operator/OperatorRequest``, ``/input/InputRejected``, ``/decision/Estimate``,
@@ -59,12 +59,12 @@ def topic_of(record: Record) -> str:
 
 
 def viewer_schema(kind: type[Record]) -> dict[str, Any]:
-    """JSON Schema of a record class in the part that MCAP viewers understand.
+    """JSON Schema of a record class, in the part of JSON Schema that MCAP viewers understand.
 
-    References are inlined, an array has one schema for all its items, an enumeration says that
-    it is of strings, and a value that may be null has its other schema, marked ``nullable``
-    (OpenAPI's keyword; viewers know neither ``anyOf`` nor the type ``null``). Every property is
-    required, because fields are written also where they have their default.
+    References are inlined, an array has one schema for all its items, and an enumeration has
+    the type string. A value that may be null has its other schema, marked ``nullable``
+    (OpenAPI's keyword): viewers know neither ``anyOf`` nor the type ``null``. Every property is
+    required, because fields with their default are written as well.
     """
     schema = msgspec.json.schema(kind)
     narrowed: dict[str, Any] = _narrow(schema, schema["$defs"])

@@ -1,4 +1,4 @@
-"""What the plots are drawn from: time series thinned to bounded memory."""
+"""The time series that the plots are drawn from, thinned to bounded memory."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ EXTREMES_INTERVAL_S = 2.0
 class Series:
     """Rows ``(time, value, ...)``, thinned as they come.
 
-    Rows that follow the last one kept by less than the interval are left out. At the limit
-    every other row is dropped and the interval doubled, so the whole flight stays covered.
+    A row is kept if it follows the last one by at least the interval. At the limit every other
+    row is dropped and the interval doubled, so the whole flight stays covered.
 
     Args:
         interval_s: Least time between rows, s.
@@ -48,7 +48,7 @@ class Series:
 
 
 class Extremes:
-    """The greatest or least of a quantity since the last row, thinned like :class:`Series`.
+    """The greatest or least value of a quantity since the last row, one row per interval.
 
     Args:
         fold: ``max`` or ``min``.
@@ -93,10 +93,10 @@ class FlightSeries:
         standoffs: Least distance of any airborne UAV from the true emitter.
         phases: Time and name of each phase entered.
         references: Time from which each reference UAV led, and its system id.
-        receivers: Per receiver, what it is estimated to be off against another: time, epoch
+        receivers: Per receiver, its estimated errors less another's: time, epoch
             (UTC), the other's system id; clock error, east and north navigation error; and
             their sigmas.
-        receiver_truths: Per receiver, what it is off: epoch (UTC), clock error, east and north
+        receiver_truths: Per receiver, its true errors: epoch (UTC), clock error, east and north
             navigation error.
         health: Time and name of each status of the track.
     """

@@ -1,10 +1,10 @@
-"""The pictures of a flight. Import this only to draw: matplotlib is slow to load.
+"""The plots of a flight. Import this only to draw: matplotlib is slow to load.
 
 ``map.png``        the flight from above, and the end of the search close up
 ``error.png``      how the estimate closed in on the emitter, and whether it could be believed
 ``slots.png``      how well the followers kept their slots
 ``ranges.png``     distances that have a limit
-``receivers.png``  what the receivers were estimated to be off, if anything
+``receivers.png``  the receivers' clock and navigation errors, if any were estimated
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.recorder.debrief import Debrief
 from swarmctl.recorder.estimate_accuracy import CONVERGED_SIGMA_M
-from swarmctl.recorder.plot_panels import (
+from swarmctl.recorder.plot_series import EXTREMES_INTERVAL_S, Series
+from swarmctl.recorder.plot_style import (
     ESTIMATE,
     FAINT,
     FOLLOWERS,
@@ -34,21 +35,20 @@ from swarmctl.recorder.plot_panels import (
     timeline,
     vehicle_colours,
 )
-from swarmctl.recorder.plot_series import EXTREMES_INTERVAL_S, Series
 from swarmctl.recorder.receiver_plot import draw_receivers
 from swarmctl.units import CHI2_95_2DOF
 
 MAP_FILE, ERROR_FILE, SLOTS_FILE, RANGES_FILE = "map.png", "error.png", "slots.png", "ranges.png"
 RECEIVERS_FILE = "receivers.png"
 
-
 _EMITTER = "#c1121f"
 _LIMIT = "#c1121f"
 _HEALTH = {"degraded": "#f6d186", "diverged": "#eb9a97"}
-"""What is shaded of the track's health."""
+"""Shades of the times at which the track was not healthy, by status."""
 _LOST_S = 5.0
-"""A vehicle silent for so long is in no formation."""
+"""A vehicle that has been silent for this long is not drawn in the formation."""
 _CLOSE_UP_S = 30.0
+"""Time before the end of the observation that the close-up shows."""
 _DPI = 130
 
 _ELLIPSE_STEP = 1.9
@@ -56,7 +56,7 @@ _ELLIPSE_STEP = 1.9
 
 
 def write_plots(debrief: Debrief, directory: Path) -> tuple[Path, ...]:
-    """Draw a flight's pictures into a directory.
+    """Write the plots of a flight into a directory.
 
     Returns:
         The files written.
@@ -241,7 +241,7 @@ def _track_at(track: Series, time_s: float) -> tuple[float, float]:
     return float(np.interp(time_s, time, east)), float(np.interp(time_s, time, north))
 
 
-# --- Figures against mission time --------------------------------------------------------
+# --- Plots against mission time ----------------------------------------------------------
 
 
 def _error(debrief: Debrief) -> Figure:

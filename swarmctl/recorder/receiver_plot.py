@@ -1,7 +1,7 @@
-"""The picture of the receivers: how their clocks and navigation errors were found out.
+"""The plot of the receivers' clock and navigation errors, estimated and true.
 
-One row per receiver and one column per kind of error, all against the reference's: the estimate
-with its 2-sigma band, and the truth where a simulator told it.
+It has one row per receiver and one column per kind of error, always less the reference's: the
+estimate with its 2-sigma band, and the truth where a simulator published it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swarmctl.recorder.debrief import Debrief
-from swarmctl.recorder.plot_panels import (
+from swarmctl.recorder.plot_style import (
     FAINT,
     INK,
     dress,
@@ -27,13 +27,13 @@ _Floats = NDArray[np.float64]
 
 _COLUMNS = ("Clock (m; 1 m is 3.3 ns)", "Navigation, east (m)", "Navigation, north (m)")
 _SETTLING = 0.2
-"""Share of the time whose bands may leave the panel: at first they are too wide to see more."""
+"""Share of the time whose bands may leave the plot: at first they are too wide to scale by."""
 
 
 def draw_receivers(debrief: Debrief) -> Figure | None:
-    """Draw what the receivers were estimated to be off; None if nothing was estimated.
+    """Draw the receivers' errors; None if none was estimated.
 
-    A kind of error is left out where none was estimated and none was there.
+    A kind of error has no column if none was estimated and none was there.
     """
     found = {
         sysid: (series, _differences_of_truth(debrief, sysid, series))
@@ -72,7 +72,7 @@ def draw_receivers(debrief: Debrief) -> Figure | None:
 
 
 def _differences_of_truth(debrief: Debrief, sysid: int, series: _Floats) -> _Floats:
-    """True errors less those of the receiver compared with, (3, rows); NaN where not known."""
+    """True errors less the reference's, (3, rows), m; NaN where they are not known."""
     truths = {k: rows(s, 4) for k, s in debrief.series.receiver_truths.items()}
     nothing = np.full((4, 1), np.nan)
 
@@ -88,7 +88,7 @@ def _differences_of_truth(debrief: Debrief, sysid: int, series: _Floats) -> _Flo
 
 
 def _draw(axes: Axes, series: _Floats, k: int, truth: _Floats, colour: str) -> None:
-    """One kind of error of one receiver; a line ends where the receiver compared with changes."""
+    """Draw one kind of error of one receiver; a line ends where the reference changes."""
     breaks = np.flatnonzero(np.diff(series[2])) + 1
     time, value, sigma, true = (
         np.insert(column, breaks, np.nan)
@@ -115,5 +115,5 @@ def _draw(axes: Axes, series: _Floats, k: int, truth: _Floats, colour: str) -> N
 
 
 def _tenths(value: float) -> str:
-    """With one decimal, and never -0.0."""
+    """A number with one decimal, never -0.0."""
     return f"{round(float(value), 1) + 0.0:.1f}"

@@ -1,4 +1,4 @@
-"""Where the true emitter was at any instant."""
+"""The true emitter's position at any instant, as a simulator publishes it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 from swarmctl.units import Vector
 
 MAX_EXTRAPOLATION_S = 2.0
-"""A flight's last estimates may be this much younger than the last sample of the truth."""
+"""The truth is extrapolated this far beyond its last sample, for a flight's last estimates."""
 
 
 class TruthTrack:
-    """The true emitter's position between the samples that the simulator publishes.
+    """The true emitter's position between published samples.
 
-    Keeps the line through the last two samples: whoever needs a position waits for the first
-    sample at or after that instant, and no longer.
+    It keeps only the line through the last two samples. Ask for a position as soon as there is a
+    sample at or after its instant.
 
     Attributes:
         latest_s: UTC epoch of the last sample, s; minus infinity before the first.
@@ -28,12 +28,12 @@ class TruthTrack:
         self._velocity: Vector = (math.nan, math.nan, math.nan)
 
     def add(self, epoch_s: float, position: Vector, velocity: Vector) -> None:
-        """Take a sample; one that is not newer than the last is left out.
+        """Take a sample; it is ignored if it is not newer than the last.
 
         Args:
             epoch_s: UTC, s.
             position: ENU, m.
-            velocity: ENU, m/s; used as long as there is one sample only.
+            velocity: ENU, m/s; used while there is only one sample.
         """
         elapsed = epoch_s - self.latest_s
         if elapsed <= 0.0:

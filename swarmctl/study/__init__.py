@@ -23,6 +23,7 @@ What is compared
     ``registry``           filters and formations by name; a researcher adds his own
     ``batch_filter``       what a filter is given and gives
     ``filters``            the filters of this system and of the paper
+    ``ekf_update``         the (iterated) extended Kalman filter's update, in a batch of runs
     ``filterpy_filter``    filterpy's extended Kalman filter
     ``filter_coordinates`` coordinates in which a filter may follow the emitter
     ``paper_filters``      the paper's filter steps as printed

@@ -86,7 +86,7 @@ def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
     shown = study(*command, cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert "2 runs a case take about 1 min on one core." in shown.stderr
-    for word in ("no prior; 10 Hz", "iterated EKF", "latest first estimate (s): 0."):
+    for word in ("no prior; 10 Hz", "RMSE/bound", "iterated", "latest first estimate (s): 0."):
         assert word in shown.stdout
     done = study(*command, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -105,7 +105,7 @@ def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
 def test_the_health_of_the_track_is_a_table_or_json(tmp_path: Path) -> None:
     shown = study("health", "--runs", "2", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
-    for word in ("fault", "false/h", "a clock jumps by 100 ns", "within tolerance"):
+    for word in ("fault", "false/h", "a clock jumps by 100 ns", "tolerance"):
         assert word in shown.stdout
     done = study("health", "--runs", "2", "--seed", "1", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -23,7 +23,7 @@ def track(*arguments: str, cwd: Path) -> CompletedProcess[str]:
 
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
-    """The first four seconds of the recording that ships."""
+    """The first four seconds of the data set that ships."""
     for name in ("receivers.csv", "truth.csv"):
         shutil.copy(ROOM / name, tmp_path)
     lines = (ROOM / "measurements.csv").read_text(encoding="utf-8").splitlines()
@@ -31,7 +31,7 @@ def room(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_it_leaves_estimates_figures_and_pictures(room: Path) -> None:
+def test_it_leaves_estimates_figures_and_plots(room: Path) -> None:
     done = track("--truth", "truth.csv", cwd=room)
     assert done.returncode == 0, done.stderr
     assert "RMSE" in done.stdout
@@ -55,8 +55,8 @@ def test_it_leaves_estimates_figures_and_pictures(room: Path) -> None:
     # Every tenth epoch has a true position: the same RMSE but for what happens in between.
     assert np.sqrt(np.mean(np.square(errors)) * 3.0) == pytest.approx(summary["rmse_m"], rel=0.2)
     assert found[-1]["health"] == "tracking"
-    for picture in ("track.png", "error.png"):
-        assert (room / "out" / picture).read_bytes().startswith(b"\x89PNG")
+    for plot in ("track.png", "error.png"):
+        assert (room / "out" / plot).read_bytes().startswith(b"\x89PNG")
 
 
 def test_without_a_truth_and_of_known_height(room: Path) -> None:

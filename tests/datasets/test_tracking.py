@@ -1,4 +1,4 @@
-"""Recordings of a room and of a swarm, tracked from end to end."""
+"""Data sets of a room and of a swarm, tracked from end to end."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import pytest
 from scipy.stats import binom, chi2, norm
 
 from sim.indoor_dataset import COLOUR_M, SIGMA_M, TAU_S, simulate, write
-from swarmctl.datasets.accuracy import Judged
-from swarmctl.datasets.dataset import (
+from swarmctl.datasets.accuracy import TrackHistory, TrackingFigures
+from swarmctl.datasets.reading import (
     Epoch,
     Measurement,
-    Path3D,
-    Receivers,
+    ReceiverPositions,
+    Trajectory,
     read_epochs,
     read_receivers,
     read_truth,
 )
-from swarmctl.datasets.tracking import Counts, Settings, Step, prior_of, track
+from swarmctl.datasets.tracking import Assumptions, Counts, Step, prior_of, track
 from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.units import Array
@@ -28,16 +28,18 @@ from swarmctl.units import Array
 ROOM = Path(__file__).parent / "room"
 
 
-def tracked(name: str, settings: Settings, until_s: float = math.inf) -> dict[str, object]:
+def tracked(
+    name: str, assumed: Assumptions, until_s: float = math.inf
+) -> tuple[TrackingFigures, float]:
+    """The figures of the room, and the 1-sigma of the position that the track claimed, m, RMS."""
     receivers = read_receivers(ROOM / "receivers.csv")
-    epochs = read_epochs(ROOM / "measurements.csv", receivers, settings.sigma_m)
-    judged, counts = Judged(settings.dof, read_truth(ROOM / "truth.csv")), Counts()
+    epochs = read_epochs(ROOM / "measurements.csv", receivers, assumed.sigma_m)
+    history, counts = TrackHistory(assumed.dof, read_truth(ROOM / "truth.csv")), Counts()
     some = (epoch for epoch in epochs if epoch.epoch_s <= until_s)
-    for step in track(name, settings, receivers, some, counts):
-        judged.add(step)
-    found = judged.summary(counts, 1.0)
-    sigma = judged.series().sigma
-    return {**found, "claimed_m": float(np.sqrt(np.mean(sigma**2)))}
+    for step in track(name, assumed, receivers, some, counts):
+        history.add(step)
+    sigma = history.series().sigma
+    return history.figures(counts, 1.0), float(np.sqrt(np.mean(sigma**2)))
 
 
 def snapshot_sigma_m() -> float:
@@ -47,7 +49,7 @@ def snapshot_sigma_m() -> float:
     and the white one, which it does not.
     """
     receivers = read_receivers(ROOM / "receivers.csv")
-    at = np.stack([path.positions[0] for path in receivers.paths])
+    at = np.stack([trajectory.positions[0] for trajectory in receivers.trajectories])
     sight = np.array([3.5, 4.0, 1.0]) - at
     H = sight / np.linalg.norm(sight, axis=1)[:, None]
     H = H - H.mean(0)  # of the differences: the common time of emission is unknown
@@ -63,24 +65,21 @@ def test_a_room_with_echoes_is_tracked_from_the_floor_and_honestly() -> None:
     degrees of freedom each, and their mean squared error, mostly of the height, with 1: bounds
     met by 999 of 1000 seeds.
     """
-    found = tracked("tracker", Settings(), until_s=12.0)
+    found, claimed_m = tracked("tracker", Assumptions(), until_s=12.0)
     independent = round(12.0 / (2.0 * TAU_S))
     low, high = (chi2.ppf(p, 3 * independent) / independent for p in (0.001, 0.999))
-    rmse, claimed, mean_nees = found["rmse_m"], found["claimed_m"], found["mean_nees"]
-    assert isinstance(rmse, float)
-    assert isinstance(claimed, float)
-    assert isinstance(mean_nees, float)
-    assert low < mean_nees < high
-    assert claimed < snapshot_sigma_m()
-    assert rmse < claimed * math.sqrt(chi2.ppf(0.999, independent) / independent)
-    assert found["share_lost"] == 0.0
-    assert found["restarts"] == 0
-    first_s = found["first_estimate_s"]
-    assert isinstance(first_s, float)
-    assert first_s < 2.0
+    assert isinstance(found.rmse_m, float)
+    assert isinstance(found.mean_nees, float)
+    assert low < found.mean_nees < high
+    assert claimed_m < snapshot_sigma_m()
+    assert found.rmse_m < claimed_m * math.sqrt(chi2.ppf(0.999, independent) / independent)
+    assert found.share_lost == 0.0
+    assert found.restarts == 0
+    assert found.first_estimate_s is not None
+    assert found.first_estimate_s < 2.0
     # 2400 rows: the share of outliers, less those too small to tell, and one row in 10^4.
-    rejected = found["share_rejected"]
-    assert isinstance(rejected, float)
+    rejected = found.share_rejected
+    assert rejected is not None
     spread = 3.3 * math.sqrt(0.15 * 0.85 / 2400.0)
     assert 0.15 * (1.0 - 6.0 * math.hypot(SIGMA_M, COLOUR_M) / 150.0) - spread < rejected
     assert rejected < 0.15 + spread
@@ -88,11 +87,10 @@ def test_a_room_with_echoes_is_tracked_from_the_floor_and_honestly() -> None:
 
 def test_who_takes_the_errors_for_white_believes_too_much() -> None:
     """The same EKF from the true start: mean NEES beyond what chance allows by far."""
-    start = Settings(at=(3.5, 4.0, 0.1), within_m=0.5, sigma_m=math.hypot(SIGMA_M, COLOUR_M))
-    found = tracked("ekf", start, until_s=8.0)
-    mean_nees = found["mean_nees"]
-    assert isinstance(mean_nees, float)
-    assert mean_nees > chi2.ppf(0.999, 3 * 8) / 8
+    start = Assumptions(at=(3.5, 4.0, 0.1), within_m=0.5, sigma_m=math.hypot(SIGMA_M, COLOUR_M))
+    found, _ = tracked("ekf", start, until_s=8.0)
+    assert isinstance(found.mean_nees, float)
+    assert found.mean_nees > chi2.ppf(0.999, 3 * 8) / 8
 
 
 @pytest.mark.slow
@@ -103,15 +101,15 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
     """
     bias_m, blocked = 0.2, 5
     write(simulate(1, 9.0, bias_m=bias_m, blocked=(blocked, 6.0, 9.0)), tmp_path)
-    told = Settings(colour_m=math.hypot(COLOUR_M, bias_m))
+    told = Assumptions(colour_m=math.hypot(COLOUR_M, bias_m))
     receivers = read_receivers(tmp_path / "receivers.csv")
     epochs = read_epochs(tmp_path / "measurements.csv", receivers, told.sigma_m)
-    judged, counts, named = Judged(3, read_truth(tmp_path / "truth.csv")), Counts(), []
+    history, counts, named = TrackHistory(3, read_truth(tmp_path / "truth.csv")), Counts(), []
     for step in track("tracker", told, receivers, epochs, counts):
         named.append((step.epoch_s, step.verdict.receivers))
         if step.epoch_s < 6.0:
-            judged.add(step)
-    series = judged.series()
+            history.add(step)
+    series = history.series()
     claimed, rmse = (np.sqrt(np.mean(x**2)) for x in (series.sigma, series.error))
     assert rmse < claimed * math.sqrt(chi2.ppf(0.999, 6) / 6)
     assert series.nees.mean() < chi2.ppf(0.999, 3 * 6) / 6
@@ -126,11 +124,13 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
 RING = [(j, (j + 1) % 8) for j in range(8)]
 
 
-def ring(seed: int, emitters: list[Array], outliers: float) -> tuple[Receivers, list[Epoch]]:
+def ring(
+    seed: int, emitters: list[Array], outliers: float
+) -> tuple[ReceiverPositions, list[Epoch]]:
     """All neighbouring pairs at 20 Hz, a share of the rows far off, each by itself."""
     rng = np.random.default_rng(seed)
     receivers = read_receivers(ROOM / "receivers.csv")
-    at = np.stack([path.positions[0] for path in receivers.paths])
+    at = np.stack([trajectory.positions[0] for trajectory in receivers.trajectories])
     epochs = []
     for k, emitter in enumerate(emitters):
         distance = np.linalg.norm(emitter - at, axis=1)
@@ -146,7 +146,7 @@ def test_rows_that_stand_by_themselves_are_rejected_by_themselves() -> None:
     """By receiver, one wrong row in eight takes two good ones with it."""
     receivers, epochs = ring(0, [np.array([3.0, 4.0, 1.0])] * 100, 0.15)
     counts = Counts()
-    alone = Settings(rho=0.0, colour_m=0.0)
+    alone = Assumptions(rho=0.0, colour_m=0.0)
     end = list(track("tracker", alone, receivers, epochs, counts))[-1]
     # 800 rows; by chance 6e-5 of the good ones.
     assert counts.aside / 800 == pytest.approx(0.15, abs=3.3 * math.sqrt(0.15 * 0.85 / 800))
@@ -160,7 +160,7 @@ def test_a_track_that_is_elsewhere_is_begun_again() -> None:
     here, there = np.array([1.5, 1.5, 0.5]), np.array([6.0, 7.0, 2.5])
     receivers, epochs = ring(0, [here] * 80 + [there] * 160, 0.0)
     counts = Counts()
-    calm = Settings(rho=0.0, colour_m=0.0, process_noise=1e-3, speed_mps=0.1)
+    calm = Assumptions(rho=0.0, colour_m=0.0, process_noise=1e-3, speed_mps=0.1)
     steps = list(track("tracker", calm, receivers, epochs, counts))
     assert counts.restarts == 1
     assert [step.verdict.status for step in steps].count("diverged") == 1
@@ -170,26 +170,24 @@ def test_a_track_that_is_elsewhere_is_begun_again() -> None:
 
 
 @pytest.mark.slow
-def test_a_recording_that_lies_is_called_so_in_words() -> None:
+def test_a_data_set_that_lies_is_called_so_in_words() -> None:
     """From the middle on one receiver's rows are those of another, or the last ones again."""
     receivers, epochs = ring(1, [np.array([3.0, 4.0, 1.0])] * 200, 0.0)
-    assumed = Settings(rho=0.0, colour_m=0.0)
+    assumed = Assumptions(rho=0.0, colour_m=0.0)
     for lie, cause, says, of in (
         (hung, "repeated", "The same values come again and again", ()),
         (swapped, "rejected", "of the measurements contradict the track, mostly those", (0, 5)),
     ):
         told = [lie(epochs[100], epoch) if k > 100 else epoch for k, epoch in enumerate(epochs)]
-        judged, counts = Judged(3, None), Counts()
+        history, counts = TrackHistory(3, None), Counts()
         verdicts = []
         for step in track("tracker", assumed, receivers, told, counts):
-            judged.add(step)
+            history.add(step)
             verdicts.append(step.verdict)
         assert next(v.receivers for v in verdicts if v.cause == cause) == of
-        (wrong,) = (w for w in judged.wrong(receivers.names) if w["cause"] == cause)
-        assert says in str(wrong["sentence"])
-        first_s = wrong["first_s"]
-        assert isinstance(first_s, float)
-        assert 5.0 < first_s < 10.0
+        (finding,) = (f for f in history.findings(receivers.names) if f.cause == cause)
+        assert says in finding.sentence
+        assert 5.0 < finding.first_s < 10.0
         assert (counts.repeated > 300) == (cause == "repeated")
 
 
@@ -213,7 +211,7 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
     """Of a coarse clock: pairs that close a loop, each row with a noise of its own."""
     rng = np.random.default_rng(3)
     receivers = read_receivers(ROOM / "receivers.csv")
-    at = np.stack([path.positions[0] for path in receivers.paths])
+    at = np.stack([trajectory.positions[0] for trajectory in receivers.trajectories])
     true = np.array([3.0, 4.0, 1.0])
     distance = np.linalg.norm(true - at, axis=1)
     epochs = []
@@ -227,7 +225,7 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
         ]
         epochs.append(Epoch(0.05 * k, tuple(rows)))
     counts = Counts()
-    steps = list(track("tracker", Settings(colour_m=0.0), receivers, epochs, counts))
+    steps = list(track("tracker", Assumptions(colour_m=0.0), receivers, epochs, counts))
     assert len(steps) == 200
     assert {step.verdict.status for step in steps} == {"initialising", "tracking"}
     # Beyond three sigmas by chance: 1000 rows, 999 of 1000 seeds.
@@ -245,7 +243,7 @@ def test_all_differences_of_one_signal_tell_no_more_than_its_arrivals() -> None:
     """Every pair, of which all but a star are redundant: as sure as the star alone."""
     rng = np.random.default_rng(4)
     receivers = read_receivers(ROOM / "receivers.csv")
-    at = np.stack([path.positions[0] for path in receivers.paths])
+    at = np.stack([trajectory.positions[0] for trajectory in receivers.trajectories])
     distance = np.linalg.norm(np.array([3.0, 4.0, 1.0]) - at, axis=1)
     every, star = [], []
     for k in range(40):
@@ -259,7 +257,7 @@ def test_all_differences_of_one_signal_tell_no_more_than_its_arrivals() -> None:
         star.append(Epoch(0.05 * k, tuple(rows[:7])))
     sigmas = []
     for epochs in (every, star):
-        assumed = Settings(colour_m=0.0)
+        assumed = Assumptions(colour_m=0.0)
         (*_, end) = track("tracker", assumed, receivers, epochs, Counts())
         sigmas.append(math.sqrt(float(np.trace(end.P[:3, :3]))))
     assert sigmas[0] == pytest.approx(sigmas[1], rel=0.02)
@@ -273,15 +271,15 @@ EMITTER = np.array([1800.0, 900.0, 40.0])
 TIMES = np.arange(0.0, 41.0)
 
 
-def flown(begin: tuple[float, float], phase: float) -> Path3D:
+def flown(begin: tuple[float, float], phase: float) -> Trajectory:
     """Eastwards at 20 m/s, weaving."""
     north = begin[1] + 60.0 * np.sin(0.2 * TIMES + phase)
-    return Path3D(
+    return Trajectory(
         TIMES, np.column_stack([begin[0] + 20.0 * TIMES, north, np.full(TIMES.size, 120.0)])
     )
 
 
-def flight(seed: int) -> tuple[Receivers, list[Epoch]]:
+def flight(seed: int) -> tuple[ReceiverPositions, list[Epoch]]:
     """Four UAVs that fly past, recorded once a second; a star of pairs ten times a second."""
     rng = np.random.default_rng(seed)
     begins = [(0.0, 0.0), (0.0, 300.0), (0.0, -300.0), (-200.0, 50.0)]
@@ -295,16 +293,16 @@ def flight(seed: int) -> tuple[Receivers, list[Epoch]]:
         arrival = arrival + 0.5 / math.sqrt(2.0) * rng.standard_normal(4)
         rows = tuple(Measurement(0, j, float(arrival[j] - arrival[0]), 0.5) for j in (1, 2, 3))
         epochs.append(Epoch(t, rows))
-    return Receivers(("a", "b", "c", "d"), paths), epochs
+    return ReceiverPositions(("a", "b", "c", "d"), paths), epochs
 
 
-SWARM = Settings(
+SWARM = Assumptions(
     colour_m=0.0, process_noise=0.0, speed_mps=1.0, height_m=40.0, at=(1000.0, 0.0, 0.0),
     within_m=4000.0,
 )  # fmt: skip
 
 
-def last(receivers: Receivers, epochs: list[Epoch], counts: Counts) -> Step:
+def last(receivers: ReceiverPositions, epochs: list[Epoch], counts: Counts) -> Step:
     return list(track("tracker", SWARM, receivers, epochs, counts))[-1]
 
 
@@ -324,8 +322,10 @@ def test_receivers_that_move_find_an_emitter_of_known_height() -> None:
 def test_rows_of_a_receiver_whose_position_ends_are_left_out_and_counted() -> None:
     counts = Counts()
     receivers, epochs = flight(0)
-    short = Path3D(TIMES[:21], receivers.paths[3].positions[:21])
-    end = last(Receivers(receivers.names, (*receivers.paths[:3], short)), epochs, counts)
+    short = Trajectory(TIMES[:21], receivers.trajectories[3].positions[:21])
+    end = last(
+        ReceiverPositions(receivers.names, (*receivers.trajectories[:3], short)), epochs, counts
+    )
     assert counts.unplaced == 199  # one row in each of the epochs after 20 s
     assert counts.epochs == 400
     assert end.x is not None
@@ -338,10 +338,10 @@ def test_rows_of_a_receiver_whose_position_ends_are_left_out_and_counted() -> No
 
 def test_the_prior_is_amid_the_receivers_unless_it_is_given() -> None:
     corners = np.array([[0.0, 0.0, 1.0], [6.0, 8.0, 1.0]])
-    free = prior_of(Settings(), corners)
+    free = prior_of(Assumptions(), corners)
     assert free.mean[:3] == pytest.approx([3.0, 4.0, 1.0])
     assert free.covariance[0, 0] == pytest.approx(10.0**2)
-    given = prior_of(Settings(at=(1.0, 2.0, 3.0), within_m=1.96, height_m=5.0), corners)
+    given = prior_of(Assumptions(at=(1.0, 2.0, 3.0), within_m=1.96, height_m=5.0), corners)
     assert given.mean[:3] == pytest.approx([1.0, 2.0, 5.0])
     assert given.covariance[0, 0] == pytest.approx(1.0)
     assert given.covariance[2, 2] < 1e-3
@@ -362,4 +362,4 @@ def test_the_prior_is_amid_the_receivers_unless_it_is_given() -> None:
 )
 def test_settings_that_cannot_be_are_refused(wrong: dict[str, float], sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
-        Settings(**wrong)  # type: ignore[arg-type]
+        Assumptions(**wrong)  # type: ignore[arg-type]

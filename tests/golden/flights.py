@@ -80,7 +80,7 @@ def fly(flight: GoldenFlight, directory: Path) -> list[str]:
         directory: A new directory for the recording.
     """
     ticks = iter(range(1, 1_000_000))
-    with patch("swarmctl.recorder.plots.write_plots"):  # pictures take longer than the flight
+    with patch("swarmctl.recorder.plots.write_plots"):  # plots take longer than the flight
         fly_in_memory(
             MISSIONS / f"{flight.mission}.yaml",
             directory,

@@ -1,4 +1,4 @@
-"""The pictures: drawn for every kind of flight, one colour per vehicle, the right numbers."""
+"""The plots: drawn for every kind of flight, one colour per vehicle, the right numbers."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def whole_flight() -> Debrief:
 
 
 def is_drawn(path: Path) -> bool:
-    """Whether a picture has more to it than its background."""
+    """Whether a plot has more to it than its background."""
     pixels = imread(path)
     height, width = pixels.shape[:2]
     drawn = np.any(pixels[..., :3] < 0.9, axis=-1).mean()
     return bool(height > 500 and width > 1000 and 0.01 < drawn < 0.5)
 
 
-def test_four_pictures_are_drawn(whole_flight: Debrief, tmp_path: Path) -> None:
+def test_four_plots_are_drawn(whole_flight: Debrief, tmp_path: Path) -> None:
     assert plots.write_plots(whole_flight, tmp_path) == tuple(tmp_path / name for name in NAMES)
     assert all(is_drawn(tmp_path / name) for name in NAMES)
 
@@ -71,7 +71,7 @@ def lines(axes: Axes) -> dict[str, str]:
     }
 
 
-def test_a_vehicle_has_one_colour_in_all_pictures(whole_flight: Debrief) -> None:
+def test_a_vehicle_has_one_colour_in_all_plots(whole_flight: Debrief) -> None:
     draw: tuple[Callable[[Debrief], Figure], ...] = (plots._map, plots._slots, plots._ranges)
     seen = [lines(function(whole_flight).axes[0]) for function in draw]
     colours = [{label: of[label] for label in ("UAV 2", "UAV 3", "UAV 4")} for of in seen]
@@ -79,7 +79,7 @@ def test_a_vehicle_has_one_colour_in_all_pictures(whole_flight: Debrief) -> None
     assert len({*colours[0].values(), seen[0]["reference 1"]}) == 4
 
 
-def test_the_pictures_and_the_summary_agree(whole_flight: Debrief) -> None:
+def test_the_plots_and_the_summary_agree(whole_flight: Debrief) -> None:
     summary = whole_flight.figures()
     close = plots._map(whole_flight).axes[1]
     words = f"1-sigma {summary.final_sigma_m:.1f} m, error {summary.final_error_m:.1f} m"

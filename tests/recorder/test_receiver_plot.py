@@ -1,4 +1,4 @@
-"""The picture of the receivers: what was estimated, where it was, in the right panels."""
+"""The plot of the receivers: what was estimated and what was true, in the right axes."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def test_first_wide_bands_do_not_hide_what_comes_later() -> None:
         assert values.max() < high
 
 
-def test_the_picture_is_written_with_the_others(
+def test_the_plot_is_written_with_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("swarmctl.recorder.plots._DPI", 30)

@@ -21,7 +21,7 @@ class AugmentedBound:
     """The recursion, one epoch at a time.
 
     Args:
-        prior_covariance: Of the emitter's position and velocity, (2d, 2d).
+        prior_covariance: Covariance of the emitter's position and velocity, (2d, 2d).
         errors: The receivers' error model.
         process_noise: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
 

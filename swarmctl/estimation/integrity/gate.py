@@ -89,8 +89,8 @@ def screen(nu: Array, S: Array, rows: Rows, gate: float = GATE) -> Screened:
 def consensus(times: Array, values: Array, sigma: float, gate: float = 5.0) -> Mask:
     """Which of a pair's range differences lie on the straight line that most of them share.
 
-    Of the lines through two samples the one with most samples within ``gate`` sigmas, then the
-    flattest. If it holds no majority of them the noise is not what it is said to be: then
+    Among the lines through two samples, the one with most samples within ``gate`` sigmas wins,
+    then the flattest. If it holds no majority of them the noise is not what it is said to be: then
     within twice as much, and so on. Few samples are all kept.
 
     Args:

@@ -196,7 +196,7 @@ def sentence(verdict: Verdict, name: Callable[[int], str] = str) -> str:
     """What an operator is told: what is wrong, and what to check.
 
     Args:
-        verdict: Of the track.
+        verdict: The track's verdict.
         name: A receiver's name by its id.
     """
     if verdict.status == "initialising":

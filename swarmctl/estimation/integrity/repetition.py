@@ -38,7 +38,7 @@ _CHANCE = 0.2
 """Repeats are copies if chance explains a smaller share of them than this."""
 
 _LEAST = 10
-"""Of a slow feed so many are looked back at, whatever the window."""
+"""Epochs looked back at in a slow feed, whatever the window."""
 
 Pair = tuple[int, int]
 

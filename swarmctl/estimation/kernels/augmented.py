@@ -53,7 +53,7 @@ class Posterior(NamedTuple):
     Attributes:
         x: State, (..., n).
         P: Its covariance, (..., n, n).
-        log_likelihood: Of the rows, up to a constant, (...); about the posterior's
+        log_likelihood: Log-likelihood of the rows, up to a constant, (...); about the posterior's
             linearisation (Laplace's approximation).
     """
 
@@ -71,7 +71,7 @@ def linearise(
         at: State, (..., n).
         rows: The measurement; its ``rd`` is not looked at.
         places: Where each receiver's states begin.
-        layout: Of a receiver's states.
+        layout: Places of a receiver's states.
         lag_s: Epoch of the rows less the state's, s: rows that come late look back along the
             velocity; what process noise did since then is neglected.
 
@@ -127,7 +127,7 @@ def innovate(
         P: Its covariance, (..., n, n).
         rows: The measurement.
         places: Where each receiver's states begin, by id.
-        layout: Of a receiver's states.
+        layout: Places of a receiver's states.
         lag_s: As for :func:`linearise`.
         at: State to linearise at, (..., n); None for the prediction.
     """
@@ -156,7 +156,7 @@ def update(
         P: Its covariance, (..., n, n).
         rows: The measurement.
         places: Where each receiver's states begin, by id.
-        layout: Of a receiver's states.
+        layout: Places of a receiver's states.
         lag_s: As for :func:`linearise`.
         first: The innovation at the prediction, if it is at hand; its S is not looked at.
         iterations: At most so many linearisations, >= 1.

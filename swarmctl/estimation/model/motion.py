@@ -104,7 +104,7 @@ class ConstantAcceleration:
     Table 1 gives Q one number per axis: it is the acceleration block, and per *step*.
 
     Args:
-        variance: Of the jump per axis, (m/s²)², >= 0.
+        variance: Variance of the jump per axis, (m/s²)², >= 0.
 
     Raises:
         EstimationError: A variance is negative or not finite.

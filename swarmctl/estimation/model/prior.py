@@ -52,7 +52,7 @@ def sector(
 
     Args:
         origin: Apex, (2,) east and north, m.
-        bearing_rad: Of its middle, from east, counter-clockwise.
+        bearing_rad: Bearing of its middle, from east, counter-clockwise.
         half_width_rad: To either side, (0, pi].
         nearest_m: Range, >= 0.
         farthest_m: Range, above ``nearest_m``.
@@ -95,7 +95,7 @@ def is_wide(prior: Prior, receivers: Array) -> bool:
     """Whether one start may not find the most probable mode.
 
     Args:
-        prior: Of the emitter.
+        prior: The emitter's prior.
         receivers: Positions, (R, d), m.
     """
     d = receivers.shape[-1]
@@ -108,7 +108,7 @@ def starts(prior: Prior, receivers: Array) -> Array:
     """A grid over the prior, polar about the swarm, a third axis by the prior.
 
     Args:
-        prior: Of the emitter.
+        prior: The emitter's prior.
         receivers: Positions, (R, d), m.
 
     Returns:

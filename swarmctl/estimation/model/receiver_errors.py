@@ -98,9 +98,9 @@ class Layout:
         d: Axes.
         size: States per receiver.
         bias: Place of the clock's bias.
-        drift: Of its drift.
-        navigation: Of the first axis of the navigation error.
-        colour: Of the coloured error.
+        drift: Place of its drift.
+        navigation: Place of the first axis of the navigation error.
+        colour: Place of the coloured error.
     """
 
     d: int

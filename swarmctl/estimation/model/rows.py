@@ -20,7 +20,7 @@ class Rows(NamedTuple):
         first_at: Reported position of i, (K, d), m.
         second_at: Reported position of j, (K, d), m.
         rd: (K,), m.
-        covariance: Of their white noise, (K, K), m², positive definite.
+        covariance: Covariance of their white noise, (K, K), m², positive definite.
         position_m: 1-sigma of the reported positions' white noise per axis, m: what of the
             covariance is theirs. All receivers' alike.
     """

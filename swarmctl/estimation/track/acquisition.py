@@ -54,7 +54,7 @@ def search(window: Window, prior: Prior, collected: list[Rows], colour_m: float)
 
     Args:
         window: Empty; takes the rows that are no echoes.
-        prior: Of the emitter.
+        prior: The emitter's prior.
         collected: Rows of the first epochs.
         colour_m: 1-sigma of an arrival's coloured error, m.
 

@@ -48,7 +48,7 @@ class Contrast:
     Attributes:
         found: ``c' S⁻¹ c``.
         noise: What the noise of positions makes of it on average, ``tr A``.
-        variance: Of that, ``2 tr A²``.
+        variance: Variance of that, ``2 tr A²``.
     """
 
     found: Array
@@ -56,13 +56,13 @@ class Contrast:
     variance: Array
 
     def __add__(self, other: Contrast) -> Contrast:
-        """Of both together."""
+        """The contrast in the rows of both."""
         return Contrast(
             self.found + other.found, self.noise + other.noise, self.variance + other.variance
         )
 
     def where(self, kept: Mask) -> Contrast:
-        """Of (S, S), that between those that a mask (S,) keeps."""
+        """The contrast between those modes of (S, S) that a mask (S,) keeps."""
         both = np.ix_(kept, kept)
         return Contrast(self.found[both], self.noise[both], self.variance[both])
 
@@ -75,7 +75,7 @@ class Contrast:
 
 
 def no_contrast(modes: int) -> Contrast:
-    """Of any two of so many modes, (modes, modes), before the first epoch."""
+    """The contrast between any two modes before the first epoch, (modes, modes)."""
     return Contrast(*np.zeros((3, modes, modes)))
 
 
@@ -110,11 +110,11 @@ def contrast_in_epoch(rows: Rows, at: Array, nu: Array, S: Array, variance: floa
         rows: The measurement.
         at: Position of each mode, (S, d), m.
         nu: Its innovation, (S, K), m.
-        S: Of it, (S, K, K), m².
-        variance: Of the reported positions, per axis, m².
+        S: Covariance of nu, (S, K, K), m².
+        variance: Variance of the reported positions, per axis, m².
 
     Returns:
-        Of (S, S).
+        The contrast of each pair, (S, S).
     """
     sight = at[:, None] - np.stack([rows.first_at, rows.second_at])[:, None]  # (2, S, K, d)
     u = sight / np.sqrt(np.vecdot(sight, sight))[..., None]

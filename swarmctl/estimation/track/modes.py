@@ -42,7 +42,7 @@ class Mixture:
         x: States, (S, M, n).
         P: Covariances, (S, M, n, n).
         weight: Probability of each model given the mode, (S, M).
-        log_probability: Of each mode, up to a constant, (S,).
+        log_probability: Log-probability of each mode, up to a constant, (S,).
         places: Where each receiver's states begin, by id.
         best: Number of the mode to go by: the most probable, but for :meth:`keep_best`.
 
@@ -166,7 +166,7 @@ class Mixture:
         """Weigh the modes by a measurement, and forget the improbable.
 
         Args:
-            log_likelihood: Of it by each mode, (S,).
+            log_likelihood: Its log-likelihood by each mode, (S,).
             contrast: Between any two of them, of (S, S).
         """
         self._measured = self._measured + log_likelihood
@@ -190,7 +190,7 @@ class Mixture:
         """Each mode, :attr:`best` first, then the most probable.
 
         Args:
-            epoch_s: Of the states, s.
+            epoch_s: Epoch of the states, s.
         """
         probability = self._probabilities()
         n = 2 * self._behaviour.d
@@ -204,8 +204,8 @@ class Mixture:
     def after(self, dt: float) -> tuple[Array, Array]:
         """The emitter ``dt`` later, or earlier, by the most probable mode.
 
-        Of a later time: by its more probable model of motion, for nobody can tell whether an
-        emitter that is not heard manoeuvres.
+        A later time is reached by its more probable model of motion, for nobody can tell
+        whether an emitter that is not heard manoeuvres.
 
         Returns:
             (2d,) and (2d, 2d).

@@ -51,7 +51,7 @@ class Pull(NamedTuple):
     """What pulls the emitter off some straight lines, S of them: one random force per row.
 
     Attributes:
-        time: Of the rows since the window's first epoch, (M,), s.
+        time: Times of the rows since the window's first epoch, (M,), s.
         force: g Sigma⁻¹ r of each row, (S, M, d), 1/m.
     """
 
@@ -95,7 +95,7 @@ class Window:
 
     Args:
         mean: Prior of position and velocity at the first epoch, (2d,), SI.
-        covariance: Of it, (2d, 2d), positive definite.
+        covariance: Covariance of the prior, (2d, 2d), positive definite.
         errors: The receivers' error model.
         psd: Spectral density of the emitter's acceleration per axis, (d,), m²/s³.
         begin_s: The first epoch, s.
@@ -277,7 +277,7 @@ class Window:
         """The state of emitter and receivers at an epoch, given all rows.
 
         Args:
-            fit: Of this window as it is.
+            fit: A fit of this window as it is.
             index: Which of its starts.
             epoch_s: s, not before the last row.
 

@@ -1,4 +1,4 @@
-"""ArduCopter: its mode numbers, how it wants to be asked, and what it does when left alone.
+"""ArduCopter: its mode numbers, how it is asked, and what it does without a controller.
 
 Measured on ArduCopter 4.7-dev SITL; the mode numbers are MAVLink's COPTER_MODE.
 """
@@ -69,7 +69,7 @@ _EARLIER_SPELLINGS = {
     "WP_SPD": Spelling("WPNAV_SPEED", 0.01),
     "WP_ACC": Spelling("WPNAV_ACCEL", 0.01),
 }
-"""What firmware before 4.7 calls a parameter."""
+"""Names of parameters in firmware before 4.7."""
 
 
 def mode_of(custom_mode: int) -> tuple[Mode, str]:
@@ -78,7 +78,7 @@ def mode_of(custom_mode: int) -> tuple[Mode, str]:
 
 
 def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | str:
-    """How to ask for a command.
+    """The request for a command.
 
     Args:
         command: The command.

@@ -1,4 +1,4 @@
-"""What every flight stack is asked for in the same words."""
+"""Commands that every flight stack takes in the same form."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ CUSTOM_MODE_ENABLED = 1.0
 
 
 def common_request(command: Command, reduced: tuple[int, ...] = ()) -> Request | None:
-    """How to ask for a command that is the same everywhere; None if it is not.
+    """The request for a command that is the same everywhere; None if it is not.
 
-    Each has another way, older than the first, for a vehicle that does not take it. What it
-    streams then is what counts, however it came to.
+    Each inquiry has an older form too, for a vehicle that does not take the newer one. What the
+    vehicle then streams counts, whichever form brought it about.
 
     Args:
         command: The command.
-        reduced: Ids of messages that come unasked and fast, and that nobody needs: they are
-            asked for at 1 Hz with the telemetry, which a vehicle may refuse.
+        reduced: Ids of messages that come fast, unasked and unneeded: with the telemetry, they
+            are asked for at 1 Hz, which a vehicle may refuse.
     """
     match command:
         case Arm():
@@ -76,10 +76,10 @@ def _shows_armed(armed: bool) -> Callable[[State], bool]:
 
 
 def _wanted(position_hz: float) -> tuple[tuple[MessageId, float, int | None], ...]:
-    """What the controller needs, the most needed first: each with its rate, Hz, and its stream.
+    """The messages that the controller needs, the most needed first, with rate (Hz) and stream.
 
-    The streams are those of ArduPilot; its home and its landed state are in none: the first is
-    asked for, and a flight can do without the second.
+    The streams are ArduPilot's. Home and landed state are in no stream: home is asked for by
+    itself, and a flight can do without the landed state.
     """
     return (
         (MessageId.GLOBAL_POSITION_INT, position_hz, _POSITION),

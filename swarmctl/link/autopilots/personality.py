@@ -1,4 +1,4 @@
-"""The one interface behind which the flight stacks differ; each of their modules has it."""
+"""The interface of a flight stack; the modules ``ardupilot`` and ``px4`` have it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ class Personality(Protocol):
     """A flight stack, as the link needs to know it.
 
     Attributes:
-        NAME: What it calls itself, for a person.
-        GUIDED_BY_STREAM: Whether its guided mode lives on a stream of setpoints; the meaning
-            is Heartbeat's.
+        NAME: Its name, for a person.
+        GUIDED_BY_STREAM: Whether its guided mode needs a stream of setpoints, as Heartbeat says.
         BYTEWISE_PARAMETERS: Whether a whole-numbered parameter travels as the bytes of an
             integer in the float field, instead of as a float of its value.
     """
@@ -31,7 +30,7 @@ class Personality(Protocol):
         """Mode and name of a HEARTBEAT's ``custom_mode``."""
 
     def request_for(self, command: Command, home_alt_amsl_m: float | None, /) -> Request | str:
-        """How to ask for a command; or, if the vehicle cannot be asked for it, why not.
+        """The request for a command; or, if the vehicle cannot be asked for it, why not.
 
         Args:
             command: The command.
@@ -57,4 +56,4 @@ class Personality(Protocol):
 
 
 PERSONALITIES: dict[str, Personality] = {"ardupilot": ardupilot, "px4": px4}
-"""By the name that Heartbeat gives the autopilot."""
+"""The flight stacks, by the name that Heartbeat gives the autopilot."""

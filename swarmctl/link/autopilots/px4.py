@@ -1,10 +1,10 @@
-"""PX4: its mode numbers, how it wants to be asked, and what it does when left alone.
+"""PX4: its mode numbers, how it is asked, and what it does without a controller.
 
 Measured on PX4 v1.16 SITL; the mode numbers are ``px4_custom_mode.h`` of PX4-Autopilot.
 
-Its guided mode is OFFBOARD, which lives on setpoints: they come before the mode is asked for,
-they raise the vehicle from the ground, and they never pause. A vehicle whose OFFBOARD mode
-cannot be entered so never leaves the ground.
+Its guided mode is OFFBOARD, which needs a stream of setpoints: they must come before the mode is
+asked for, they raise the vehicle from the ground, and they must never pause. A vehicle that cannot
+enter OFFBOARD therefore never leaves the ground.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _WITHOUT_SETPOINTS = {
     4.0: "lands where it is and disarms",
     5.0: "hovers",
 }
-"""What the values of COM_OBL_RC_ACT mean; the others hand the sticks to a pilot, or fall."""
+"""What values of COM_OBL_RC_ACT do; the others hand control to a pilot or cut the motors."""
 
 
 def mode_of(custom_mode: int) -> tuple[Mode, str]:
@@ -80,7 +80,7 @@ def mode_of(custom_mode: int) -> tuple[Mode, str]:
 
 
 def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | str:
-    """How to ask for a command.
+    """The request for a command.
 
     Args:
         command: The command.
@@ -96,7 +96,7 @@ def request_for(command: Command, home_alt_amsl_m: float | None) -> Request | st
                 return f"PX4 has no mode that is called {command.mode} here"
             main, sub = numbers
             step = CommandLong(MavCmd.DO_SET_MODE, (CUSTOM_MODE_ENABLED, float(main), float(sub)))
-            # ACCEPTED says nothing: without setpoints the mode stays what it was.
+            # ACCEPTED is not enough: without setpoints the mode stays what it was.
             return Request(command.kind, (step,), shows_mode(MODE_NAMES[numbers]), needs_state=True)
         case TakeOff():
             if home_alt_amsl_m is not None and not command.alt_amsl_m > home_alt_amsl_m:

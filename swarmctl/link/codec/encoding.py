@@ -1,7 +1,7 @@
 """Commands to frames: units and frames of what is sent are converted here, once.
 
-rad, m, m/s and ENU become 1e7-degrees and NED. Frames are written by pymavlink's own ``pack``,
-as MAVLink 2, or as MAVLink 1 where nothing else is spoken.
+rad, m, m/s and ENU become 1e7-degrees and NED. pymavlink's own ``pack`` writes the frames, as
+MAVLink 2, or as MAVLink 1 where nothing else was heard.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SET_POSITION_AND_VELOCITY = (
 
 
 class Encoder:
-    """Our side of one address: frames with consecutive sequence numbers.
+    """Writes our frames to one address, with consecutive sequence numbers.
 
     Args:
         sysid: Our system id.
@@ -51,8 +51,8 @@ class Encoder:
         link_id: Number of the address, 0..255, in the signatures.
 
     Attributes:
-        mavlink_1: Whether MAVLink 1 is written: nothing else was heard at that address. Signed
-            frames are always MAVLink 2.
+        mavlink_1: Whether MAVLink 1 is written, because nothing else was heard at that address.
+            Signed frames are always MAVLink 2.
     """
 
     def __init__(self, sysid: int, signing: Signing | None = None, link_id: int = 0) -> None:
@@ -66,7 +66,7 @@ class Encoder:
             self._mav.signing.sign_outgoing = True
 
     def hear(self, frame: Frame) -> None:
-        """Take note of the version an autopilot at that address speaks."""
+        """Take note of the MAVLink version that an autopilot at the address speaks."""
         is_1 = frame.raw[0] == mavlink.PROTOCOL_MARKER_V1
         self.mavlink_1 = is_1 and (self.mavlink_1 or not self._has_heard)
         self._has_heard = True
@@ -149,8 +149,8 @@ class Encoder:
         autopilot takes: PX4 refuses MAV_FRAME_GLOBAL (0) and _RELATIVE_ALT (3).
 
         Returns:
-            The frame; None if a field is not finite or does not fit into its wire field, for
-            such a setpoint must never leave.
+            The frame; None if a field is not finite or does not fit into its wire field: such a
+            setpoint must never leave.
         """
         velocity_east, velocity_north, velocity_up = goto.velocity_enu
         if not math.isfinite(goto.alt_amsl_m + velocity_east + velocity_north + velocity_up):

@@ -1,8 +1,8 @@
-"""Bytes to frames: where each begins and ends, whether it is whole, and whom it is for.
+"""Bytes to frames: where a frame begins and ends, whether it is whole, and its target.
 
-Works from pymavlink's tables (checksum seeds, field layouts) and its checksum, but not through
-its stream parser, which costs three times as much and keeps its state across datagrams: here
-nothing is kept, so a truncated datagram cannot spoil the next.
+It uses pymavlink's tables (checksum seeds, field layouts) and its checksum, but not its stream
+parser, which costs three times as much and keeps its state across datagrams. Here nothing is kept,
+so a truncated datagram cannot spoil the next one.
 
 MAVLink 1 and 2 are read (https://mavlink.io/en/guide/serialization.html), dialect
 ``ardupilotmega``, of which ``common`` is a part.
@@ -45,8 +45,8 @@ _MAX_RESYNCS = 32
 def split(datagram: bytes) -> tuple[list[Frame], list[Fault]]:
     """Find and check the frames of one datagram.
 
-    After a fault the search goes on at the next start marker, so whole frames behind a corrupt
-    one are taken. A stretch of unusable bytes counts as one fault, named after its beginning.
+    After a fault the search goes on at the next start marker: whole frames after a corrupt one
+    are taken. A stretch of unusable bytes counts as one fault, named after its beginning.
     """
     if not datagram:
         return [], [Fault("not_mavlink", "It is empty")]
@@ -74,13 +74,13 @@ def split(datagram: bytes) -> tuple[list[Frame], list[Fault]]:
 
 
 def end_of_whole_frames(data: bytes) -> int:
-    """Where in a stream's bytes the first frame begins whose end has not come yet.
+    """Where in a stream's bytes the first incomplete frame begins.
 
-    Bytes that cannot be a frame are passed over, as :func:`split` does. A start marker among
-    them waits for the frame it seems to announce, 280 bytes at most, before it is passed over.
+    Bytes that cannot be a frame are passed over, as in :func:`split`. A start marker among them
+    counts as the beginning of a frame until at most 280 bytes have shown that it is none.
 
     Returns:
-        Its index; the number of bytes if no frame is under way.
+        Its index; the number of bytes if no frame is incomplete.
     """
     position = 0
     at_boundary = True
@@ -101,7 +101,7 @@ def end_of_whole_frames(data: bytes) -> int:
 
 
 def target_of(frame: Frame) -> int:
-    """System id a frame is addressed to; 0 for everybody."""
+    """System id that a frame is addressed to; 0 for everybody."""
     place = _TARGET_PLACES.get(frame.message_id)
     if place is None or place >= len(frame.payload):  # MAVLink 2 cuts trailing zeros
         return 0
@@ -109,19 +109,18 @@ def target_of(frame: Frame) -> int:
 
 
 class Framer:
-    """Cuts one connection's stream where no frame is under way: for TCP and serial lines.
+    """Cuts the stream of a TCP connection or serial line between frames.
 
-    What it hands out can be treated as a datagram: it holds whole frames, and whatever lies
-    between them, for :func:`split` to check and to count. What it keeps is
-    the beginning of a frame, so never more than the longest frame (280 bytes). A connection
-    that is opened anew needs a new framer.
+    What it returns can be treated as a datagram: it holds whole frames, and the bytes between
+    them, for :func:`split` to check and to count. It keeps the beginning of an incomplete frame,
+    at most 280 bytes. A connection that is opened anew needs a new framer.
     """
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Take what was read; returns what is complete, perhaps nothing."""
+        """Take the bytes that were read; returns the complete ones, perhaps none."""
         data = self._rest + data
         end = end_of_whole_frames(data)
         self._rest = data[end:]
@@ -131,8 +130,8 @@ class Framer:
 def _frame_at(data: bytes, start: int, at_boundary: bool) -> Frame | Fault:
     """The frame that begins at ``start``.
 
-    A message unknown to the dialect has no checksum seed. Its frame is taken, because its
-    sequence number counts, if it lies between frame boundaries.
+    A message that is unknown to the dialect has no checksum seed. Its frame is taken if it lies
+    between frame boundaries, because its sequence number counts.
     """
     marker = data[start]
     left = len(data) - start

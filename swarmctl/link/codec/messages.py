@@ -1,6 +1,7 @@
-"""The words the link's modules share, below :mod:`swarmctl.events` and above the wire.
+"""The MAVLink messages that are read and sent, in our units and frames.
 
-Units and frames as in the package docstring: ``decoding`` has converted them.
+``decoding`` makes them from frames and ``encoding`` makes frames from them. A message whose meaning
+is all on the wire is decoded to an event of :mod:`swarmctl.events` at once.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ class HeartbeatMessage(msgspec.Struct, frozen=True, gc=False):
 
 
 class PositionMessage(msgspec.Struct, frozen=True):
-    """GLOBAL_POSITION_INT; its UTC depends on the vehicle's clock. Fields as VehiclePosition."""
+    """GLOBAL_POSITION_INT, not yet mapped to UTC; fields as VehiclePosition."""
 
     boot_s: float
     lat_rad: float
@@ -130,7 +131,7 @@ class CommandAck(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         command: MAV_CMD that is answered.
         result: MAV_RESULT's name without its prefix, for example ``DENIED``.
-        target_system: System id of the ground station that asked; 0 if not said.
+        target_system: System id of the ground station that asked; 0 if not given.
     """
 
     command: int
@@ -139,11 +140,11 @@ class CommandAck(msgspec.Struct, frozen=True, gc=False):
 
 
 class TimeSyncAnswer(msgspec.Struct, frozen=True, gc=False):
-    """TIMESYNC that answers somebody.
+    """TIMESYNC that answers a question.
 
     Attributes:
         boot_s: The vehicle's time since boot when it answered, s.
-        asked_ns: The time stamp of whoever asked, as it was sent.
+        asked_ns: The time stamp of the question, as it was sent.
     """
 
     boot_s: float
@@ -165,7 +166,7 @@ class ParameterMessage(msgspec.Struct, frozen=True, gc=False):
 
 
 class FenceMessage(msgspec.Struct, frozen=True, gc=False):
-    """A word of the vehicle about its geofence (mission type FENCE).
+    """A message of the vehicle about its geofence (mission type FENCE).
 
     Attributes:
         target_system: System id of the ground station that it is for; 0 for all.
@@ -175,7 +176,7 @@ class FenceMessage(msgspec.Struct, frozen=True, gc=False):
 
 
 class FenceRequest(FenceMessage, frozen=True, gc=False):
-    """MISSION_REQUEST or MISSION_REQUEST_INT: it asks for an item by its number."""
+    """MISSION_REQUEST or MISSION_REQUEST_INT: the vehicle asks for an item by its number."""
 
     seq: int
 
@@ -198,7 +199,7 @@ class FenceItem(FenceMessage, frozen=True, gc=False):
     Attributes:
         seq: Its number.
         command: MAV_CMD.
-        is_circle_inclusion: Whether that is a circle to stay in.
+        is_circle_inclusion: Whether the item is a circle to stay in.
         radius_m: Radius of a circle, m.
         lat_rad: Latitude of its centre, rad.
         lon_rad: Longitude of its centre, rad.
@@ -228,7 +229,7 @@ Message = (
     | VehicleStatus
     | VehicleVersion
 )
-"""What a frame says: an event at once if its meaning is all on the wire."""
+"""What a frame says; an event if its meaning is all on the wire."""
 
 
 class CommandLong(msgspec.Struct, frozen=True):
@@ -244,7 +245,7 @@ class CommandLong(msgspec.Struct, frozen=True):
 
 
 class DataStream(msgspec.Struct, frozen=True):
-    """REQUEST_DATA_STREAM, the way before SET_MESSAGE_INTERVAL; nothing acknowledges it.
+    """REQUEST_DATA_STREAM, the older form of SET_MESSAGE_INTERVAL; it is not acknowledged.
 
     Attributes:
         stream: MAV_DATA_STREAM.
@@ -260,7 +261,7 @@ class Spelling(msgspec.Struct, frozen=True):
 
     Attributes:
         name: Its name there.
-        unit: One of its units there, in those of the parameter's newest name.
+        unit: One unit of it there, in units of the parameter's newest name.
     """
 
     name: str
@@ -290,4 +291,4 @@ class EndPlan(msgspec.Struct, frozen=True):
 
 
 PlanPacket = StartPlan | SendItem | AskForPlan | AskForItem | EndPlan
-"""What is sent for the upload of a fence and its reading back."""
+"""What is sent to upload a fence and to read it back."""

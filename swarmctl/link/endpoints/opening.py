@@ -10,14 +10,14 @@ from swarmctl.link.endpoints.udp import OnData, UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl, parse_url
 
 OnConnection = Callable[[Address, str, bool], None]
-"""Called with an endpoint's address and URL when it was lost (False) and is back (True)."""
+"""Called with an endpoint's address and URL, and False when it is lost, True when it is back."""
 
 
 class Endpoints:
     """Several endpoints that send and receive as one; use :func:`open_endpoints`.
 
     Attributes:
-        called: Addresses of those that do not listen but call, connected or not.
+        called: Addresses of the endpoints that call instead of listening, connected or not.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Endpoints:
         return [opened.remote for opened in self._opened if opened.remote is not None]
 
     def send(self, data: bytes, address: Address) -> None:
-        """Send by the endpoint that an address belongs to."""
+        """Send by the endpoint to which an address belongs."""
         self._opened[address.endpoint].send(data, address)
 
     def close(self) -> None:
@@ -38,10 +38,10 @@ class Endpoints:
             opened.close()
 
     async def open(self, url: EndpointUrl, on_data: OnData, on_connection: OnConnection) -> None:
-        """Open one more.
+        """Open one more endpoint.
 
         Raises:
-            LinkError: It cannot be opened.
+            LinkError: If it cannot be opened.
         """
         number = len(self._opened)
         if url.scheme in {"udpin", "udpout"}:
@@ -61,12 +61,12 @@ async def open_endpoints(
 
     Args:
         urls: See :func:`swarmctl.link.endpoints.url.parse_url`.
-        on_data: Called in the event loop with what came in and where from.
-        on_connection: Called in the event loop when one was lost, and when it is back.
+        on_data: Called in the event loop with what came in, and where from.
+        on_connection: Called in the event loop when a connection is lost, and when it is back.
 
     Raises:
-        UsageError: A URL is none.
-        LinkError: One cannot be opened; the others are closed again.
+        UsageError: If a URL is wrong.
+        LinkError: If an endpoint cannot be opened; the others are closed again.
     """
     parsed = [parse_url(url) for url in urls]
     endpoints = Endpoints()

@@ -1,4 +1,4 @@
-"""Streams: a TCP server that is connected to, a serial line. Lost ones are opened again."""
+"""TCP connections and serial lines: streams that are opened again when they are lost."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from swarmctl.link.endpoints.udp import OnData
 from swarmctl.link.endpoints.url import EndpointUrl
 
 FIRST_PAUSE_S = 0.5
-"""Before the first try to open a lost connection again; every later pause is twice as long."""
+"""Pause before the first try to open a lost connection again, s; later ones double."""
 LONGEST_PAUSE_S = 8.0
-"""But no longer than this."""
+"""No pause is longer than this, s."""
 OPENING_TIMEOUT_S = 5.0
-"""A server that has not answered in this time is not there."""
+"""A server that has not answered in this time counts as absent, s."""
 BACKLOG_BYTES = 16_384
-"""With this much unsent, what is new is dropped: setpoints grow old, and more follow."""
+"""With this much unsent, new data is dropped: old setpoints are useless, and more follow."""
 
 OnConnection = Callable[[bool], None]
 """Called when a connection was lost (False) and when it is back (True)."""
@@ -77,7 +77,7 @@ class StreamEndpoint:
         """Open it for the first time, and keep it open from then on.
 
         Raises:
-            LinkError: It cannot be opened.
+            LinkError: If it cannot be opened.
         """
         try:
             self._connection = await self._connect()
@@ -92,7 +92,7 @@ class StreamEndpoint:
         self._keeper = asyncio.create_task(self._keep())
 
     def send(self, data: bytes, _address: Address) -> None:
-        """Send; what cannot be sent now is lost, as on any radio."""
+        """Send; data that cannot be sent now is lost, as on any radio."""
         connection = self._connection
         if connection is None or connection.transport.get_write_buffer_size() > BACKLOG_BYTES:
             return
@@ -140,7 +140,7 @@ def _serial_library() -> ModuleType:
     """The library pyserial for asyncio, which only serial lines need.
 
     Raises:
-        LinkError: It is not installed.
+        LinkError: If it is not installed.
     """
     try:
         import serial_asyncio_fast  # noqa: PLC0415 - an option
@@ -158,7 +158,7 @@ async def open_stream(
     """Connect to a TCP server or open a serial line; arguments as of :class:`StreamEndpoint`.
 
     Raises:
-        LinkError: It cannot be opened, or the library for it is not installed.
+        LinkError: If it cannot be opened, or the library for it is not installed.
     """
     opened = StreamEndpoint(url, endpoint, on_data, on_connection)
     await opened.open()

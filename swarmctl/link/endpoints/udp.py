@@ -1,4 +1,4 @@
-"""UDP: a port that listens, or one that sends to a port elsewhere."""
+"""UDP endpoints: a port that listens, or a socket that sends to a port elsewhere."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class UdpEndpoint(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Called by asyncio."""
-        # A cast, because the class that asyncio hands over is no subclass of it in Python 3.11.
+        # The class that asyncio hands over is not a subclass of it in Python 3.11.
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
@@ -65,7 +65,7 @@ async def open_udp(url: EndpointUrl, endpoint: int, on_data: OnData) -> UdpEndpo
         on_data: Called in the event loop with each datagram.
 
     Raises:
-        LinkError: The port cannot be opened, or the host is not known.
+        LinkError: If the port cannot be opened or the host is unknown.
     """
     loop = asyncio.get_running_loop()
     here = (url.host, url.port)

@@ -36,10 +36,10 @@ class EndpointUrl(msgspec.Struct, frozen=True):
 
 
 def parse_url(url: str) -> EndpointUrl:
-    """The parts of an endpoint's URL.
+    """Read an endpoint's URL.
 
     Raises:
-        UsageError: It is no such URL.
+        UsageError: If it is not such a URL.
     """
     serial = re.fullmatch(r"serial://(/[^:\s]+):(\d{1,8})", url)
     if serial is not None and 0 < int(serial[2]) <= _MAX_BAUD:

@@ -1,4 +1,4 @@
-"""What the pictures of a flight share: colours, and panels over mission time."""
+"""What the plots of a flight share: colours, axes over mission time, the phases' names."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ FOLLOWERS = (
     "#0072b2", "#e08700", "#009e73", "#cc5a94", "#3fa7dc", "#8c6d1f",
     "#5b6ee1", "#6b8e23", "#b5651d", "#2f7f86", "#a05195", "#4d4d4d",
 )  # fmt: skip
-"""Told apart by most colour-blind eyes as far as there are this few of them."""
+"""Colours of the followers, which most colour-blind eyes tell apart."""
 
 
 def rows(series: Series | Extremes, columns: int) -> NDArray[np.float64]:
-    """A series as (columns, rows), also when it is empty."""
+    """A series as an array (columns, rows), also when it is empty."""
     return np.array(series.rows, dtype=float).reshape(-1, columns).T
 
 
 def vehicle_colours(debrief: Debrief) -> dict[int, str]:
-    """Each vehicle's colour, the same in all pictures, by system id."""
+    """Each vehicle's colour, the same in all plots, by system id."""
     reference = debrief.settings.reference
     followers = sorted(debrief.series.tracks.keys() - {reference})
     colours = {s: FOLLOWERS[k % len(FOLLOWERS)] for k, s in enumerate(followers)}
@@ -37,20 +37,25 @@ def vehicle_colours(debrief: Debrief) -> dict[int, str]:
 
 
 def timeline(debrief: Debrief, *titles: str) -> tuple[Figure, list[Axes]]:
-    """Panels over mission time with the phases behind them, the observing ones shaded."""
+    """Axes over mission time, one below the other, the observing phases shaded.
+
+    Args:
+        debrief: The flight.
+        titles: Title of each.
+    """
     figure = Figure(figsize=(11.0, 2.4 + 2.9 * len(titles)), layout="constrained")
-    panels = list(figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0])
+    plots = list(figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0])
     end = max(debrief.duration_s, 1.0)
-    for axes, title in zip(panels, titles, strict=True):
-        dress(axes, title, pad=36 if axes is panels[0] else 8)
+    for axes, title in zip(plots, titles, strict=True):
+        dress(axes, title, pad=36 if axes is plots[0] else 8)
         axes.set_xlim(0.0, end)
         mark_phases(axes, debrief)
         for begin, until, name in phase_spans(debrief):
             if name in debrief.settings.observing_phases:
                 axes.axvspan(begin, until, color=_OBSERVING, lw=0, zorder=0)
-    name_phases(panels[0], debrief)
-    panels[-1].set_xlabel("mission time (s)")
-    return figure, panels
+    name_phases(plots[0], debrief)
+    plots[-1].set_xlabel("mission time (s)")
+    return figure, plots
 
 
 def _name_phase(axes: Axes, name: str, begin: float, until: float) -> None:
@@ -71,7 +76,7 @@ def mark_phases(axes: Axes, debrief: Debrief) -> None:
 
 
 def name_phases(axes: Axes, debrief: Debrief) -> None:
-    """Write the phases' names above a panel, as far as its time reaches."""
+    """Write the phases' names above a plot, as far as its time reaches."""
     first, last = axes.get_xlim()
     for begin, until, name in phase_spans(debrief):
         share = [(min(max(t, first), last) - first) / (last - first) for t in (begin, until)]
@@ -86,7 +91,7 @@ def phase_spans(debrief: Debrief) -> list[tuple[float, float, str]]:
 
 
 def observing_span(debrief: Debrief) -> tuple[float, float]:
-    """First and last mission time of the observing phases; of the flight without any."""
+    """First and last mission time of the observing phases, or of the flight without any, s."""
     observing = debrief.settings.observing_phases
     spans = [span for span in phase_spans(debrief) if span[2] in observing]
     if not spans:
@@ -95,14 +100,14 @@ def observing_span(debrief: Debrief) -> tuple[float, float]:
 
 
 def legend_below(figure: Figure, axes: Axes) -> None:
-    """Explain below a figure what has labels in one of its panels."""
+    """Put a legend below a figure, for the labels in one of its axes."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=7, frameon=False)
 
 
 def dress(axes: Axes, title: str, pad: float = 8) -> None:
-    """Title, grid and frame of a panel; ``pad`` is the title's distance, points."""
+    """Set title, grid and frame of a plot; ``pad`` is the distance of the title, points."""
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=INK, pad=pad)
     axes.grid(visible=True, color="#e4e7ea", lw=0.7)
     axes.set_axisbelow(True)

@@ -1,20 +1,17 @@
-"""Recordings are read as they are meant, or refused with file, line and what would be right."""
+"""Data sets are read as they are meant, or refused with file, line and what would be right."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from swarmctl.datasets.dataset import (
+from swarmctl.datasets.reading import (
     Epoch,
     Measurement,
-    pair_covariance,
     read_epochs,
     read_receivers,
     read_truth,
-    rows_of,
 )
 from swarmctl.errors import UsageError
 
@@ -55,51 +52,20 @@ def test_a_row_may_bring_its_own_sigma(tmp_path: Path) -> None:
     receivers = read_receivers(file(tmp_path, STILL))
     text = "time_s,receiver_i,receiver_j,rd_m,sigma_m\n0,A,B,1,0.7\n"
     (epoch,) = read_epochs(file(tmp_path, text), receivers, 0.3)
-    rows, _ = rows_of(epoch, receivers, 0.5)
-    assert rows is not None
-    assert rows.covariance == pytest.approx(np.array([[0.49]]))
+    assert epoch.measurements[0].sigma_m == 0.7
 
 
 def test_receivers_that_move_are_where_the_straight_line_is(tmp_path: Path) -> None:
     receivers = read_receivers(file(tmp_path, MOVING))
-    epoch = Epoch(0.5, (Measurement(1, 0, 1.0, 0.3),))
-    rows, left_out = rows_of(epoch, receivers, 0.5)
-    assert rows is not None
-    assert left_out == 0
-    assert rows.first_at.tolist() == [[10.0, 1.5, 0.0]]
-    assert rows.second_at.tolist() == [[1.0, 0.0, 0.5]]
+    a, b = receivers.trajectories
+    assert a.at(0.5) == pytest.approx([1.0, 0.0, 0.5])
+    assert b.at(0.5) == pytest.approx([10.0, 1.5, 0.0])
 
 
 @pytest.mark.parametrize("time_s", [-0.1, 2.1])
 def test_nobody_knows_where_a_receiver_was_outside_its_times(tmp_path: Path, time_s: float) -> None:
-    receivers = read_receivers(file(tmp_path, MOVING))
-    assert rows_of(Epoch(time_s, (Measurement(0, 1, 1.0, 0.3),)), receivers, 0.5) == (None, 1)
-
-
-# --- Covariance of pairs -----------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.2, 0.5])
-def test_pairs_covary_by_the_receivers_they_share(rho: float) -> None:
-    """sigma² [rho (d_ac - d_ad - d_bc + d_bd) + (1 - 2 rho) d_same], entry by entry."""
-    pairs = [(0, 1), (0, 2), (3, 0), (2, 4), (5, 6)]
-    found = pair_covariance([a for a, _ in pairs], [b for _, b in pairs], np.full(5, 0.6), rho)
-    for row, (a, b) in enumerate(pairs):
-        for column, (c, d) in enumerate(pairs):
-            shared = (a == c) - (a == d) - (b == c) + (b == d)
-            expected = 0.36 * (rho * shared + (1.0 - 2.0 * rho) * (row == column))
-            assert found[row, column] == pytest.approx(expected), (row, column)
-
-
-def test_one_sigma_per_row_is_that_row_s_own() -> None:
-    found = pair_covariance([0, 0], [1, 2], np.array([0.5, 2.0]))
-    assert found == pytest.approx(np.array([[0.25, 0.5], [0.5, 4.0]]))
-
-
-def test_pairs_that_close_a_loop_have_a_covariance_that_is_one() -> None:
-    found = pair_covariance([0, 1, 0], [1, 2, 2], np.full(3, 0.5))
-    assert np.linalg.eigvalsh(found).min() > 1e-3 * 0.25
-    assert np.diag(found) == pytest.approx(np.full(3, 0.25))
+    (a, _) = read_receivers(file(tmp_path, MOVING)).trajectories
+    assert a.at(time_s) is None
 
 
 # --- What is refused ---------------------------------------------------------------------

@@ -1,8 +1,8 @@
-"""From files to files: reads a recording, tracks, writes what was found.
+"""``swarmctl track`` from files to files: reads a data set, tracks, writes what was found.
 
 ``estimates.csv``  after each epoch: position, velocity, covariance, NIS, health
 ``summary.json``   what was assumed, and the figures
-``track.png``, ``error.png``
+``track.png``, ``error.png``  the plots
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ import csv
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from swarmctl.datasets.accuracy import Judged
-from swarmctl.datasets.dataset import read_epochs, read_receivers, read_truth
-from swarmctl.datasets.tracking import Counts, Settings, Step, track
+from swarmctl.datasets.accuracy import TrackHistory, TrackingSummary
+from swarmctl.datasets.reading import read_epochs, read_receivers, read_truth
+from swarmctl.datasets.tracking import Assumptions, Counts, Step, track
 from swarmctl.errors import UsageError
 
 ESTIMATES_FILE, SUMMARY_FILE = "estimates.csv", "summary.json"
@@ -33,43 +32,44 @@ COLUMNS = (
     "health",
     "cause",
 )
-"""Columns of ``estimates.csv``. Covariances in m², m²/s, m²/s²; empty without an estimate."""
+"""Columns of ``estimates.csv``. Covariances are in m², m²/s and m²/s²; numbers are empty while
+there is no estimate."""
 
 
-def run(
+def track_files(
     receivers_file: Path,
     measurements_file: Path,
     truth_file: Path | None,
     out: Path,
     *,
     name: str,
-    settings: Settings,
-) -> dict[str, object]:
-    """Track a recording.
+    assumed: Assumptions,
+) -> TrackingSummary:
+    """Track a data set and write what was found.
 
-    What an earlier run left in ``out`` stays as it was unless this one gets to the end of the
+    The files of an earlier run in ``out`` are replaced only if this one gets to the end of the
     measurements.
 
     Args:
-        receivers_file: See :mod:`~swarmctl.datasets.dataset`, as for the other two.
-        measurements_file: Read while it is tracked.
-        truth_file: If the truth is known.
+        receivers_file: The receivers, as :mod:`~swarmctl.datasets.reading` describes the file.
+        measurements_file: The measurements; read while they are tracked.
+        truth_file: The truth; None if it is not known.
         out: Directory to write to; made if it is not there.
-        name: The filter's name.
-        settings: What is assumed.
+        name: Name of the filter.
+        assumed: What is assumed of the data set.
 
     Returns:
         The contents of ``summary.json``.
 
     Raises:
-        UsageError: Something is wrong with a file or an argument: which, where, and what would
-            be right.
+        UsageError: A file or an argument is wrong; the message says where, and what would be
+            right.
     """
     receivers = read_receivers(receivers_file)
     truth = None if truth_file is None else read_truth(truth_file)
-    judged = Judged(settings.dof, truth)
+    history = TrackHistory(assumed.dof, truth)
     counts = Counts()
-    epochs = read_epochs(measurements_file, receivers, settings.sigma_m)
+    epochs = read_epochs(measurements_file, receivers, assumed.sigma_m)
     begin_s = time.perf_counter()
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def run(
             with unfinished.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file, lineterminator="\n")
                 writer.writerow(COLUMNS)
-                writer.writerows(_cells(track(name, settings, receivers, epochs, counts), judged))
+                writer.writerows(_cells(track(name, assumed, receivers, epochs, counts), history))
             if not counts.epochs:
                 raise UsageError(
                     f"{measurements_file}: no line has the positions of both its receivers in"
@@ -87,25 +87,26 @@ def run(
             unfinished.replace(out / ESTIMATES_FILE)
         finally:
             unfinished.unlink(missing_ok=True)
-        summary = {
-            "filter": name,
-            "receivers": len(receivers.names),
-            "assumed": asdict(settings),
-            **judged.summary(counts, time.perf_counter() - begin_s),
-            "wrong": judged.wrong(receivers.names),
-        }
-        (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-        from swarmctl.datasets.plots import write_pictures  # noqa: PLC0415 - loads matplotlib
+        summary = TrackingSummary(
+            filter=name,
+            receivers=len(receivers.names),
+            assumed=assumed,
+            figures=history.figures(counts, time.perf_counter() - begin_s),
+            wrong=history.findings(receivers.names),
+        )
+        text = json.dumps(summary.to_json(), indent=1) + "\n"
+        (out / SUMMARY_FILE).write_text(text, encoding="utf-8")
+        from swarmctl.datasets.plots import write_plots  # noqa: PLC0415 - loads matplotlib
 
-        write_pictures(judged.series(), receivers, settings.dof, out)
+        write_plots(history.series(), receivers, assumed.dof, out)
     except OSError as error:
         raise UsageError(f"--out {out} cannot be written: {error.strerror}.") from error
     return summary
 
 
-def _cells(steps: Iterator[Step], judged: Judged) -> Iterator[list[str]]:
+def _cells(steps: Iterator[Step], history: TrackHistory) -> Iterator[list[str]]:
     for step in steps:
-        judged.add(step)
+        history.add(step)
         time_s = f"{step.epoch_s:.15g}"
         verdict = step.verdict
         health = [verdict.status, verdict.cause or ""]

@@ -4,7 +4,7 @@ import pytest
 
 from swarmctl.events import VehicleClock
 from swarmctl.mission.fleet import VehicleState
-from swarmctl.mission.preflight import clock_fault
+from swarmctl.mission.preflight_checks import clock_fault
 
 LATE_S = 2.0
 """The first SYSTEM_TIME was read so much later than it came."""
