@@ -22,12 +22,15 @@ def run(*arguments: str, cwd: Path) -> CompletedProcess[str]:
         *arguments: As on the command line, the command first.
         cwd: The working directory.
     """
-    output, errors = io.StringIO(), io.StringIO()
+    output, errors = io.BytesIO(), io.BytesIO()
+    # Text with the bytes below it, as a terminal's or a pipe's.
+    standard_output = io.TextIOWrapper(output, "utf-8", write_through=True)
+    standard_error = io.TextIOWrapper(errors, "utf-8", write_through=True)
     code = 0
     with (
         contextlib.chdir(cwd),
-        contextlib.redirect_stdout(output),
-        contextlib.redirect_stderr(errors),
+        contextlib.redirect_stdout(standard_output),
+        contextlib.redirect_stderr(standard_error),
         patch.object(sys, "argv", ["swarmctl", *arguments]),
         patch.object(sys, "path", [*sys.path]),  # a study's files add their folder
         # The machine's, not the test runner's: numbers are wanted in full.
@@ -37,4 +40,4 @@ def run(*arguments: str, cwd: Path) -> CompletedProcess[str]:
             main()
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
-    return CompletedProcess(arguments, code, output.getvalue(), errors.getvalue())
+    return CompletedProcess(arguments, code, output.getvalue().decode(), errors.getvalue().decode())
