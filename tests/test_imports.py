@@ -143,3 +143,9 @@ def test_only_the_modules_made_for_it_import_a_protocol_library(library: str) ->
         if any(within(imported, library) for imported in imports(path))
     }
     assert importers == SOLE_IMPORTERS[library]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests").rglob("*.py")), ids=module_name)
+def test_no_module_imports_from_a_test(path: Path) -> None:
+    """What several tests need is in a helper module."""
+    assert [name for name in imports(path) if ".test_" in name] == []

@@ -14,7 +14,7 @@ from swarmctl.commands import GoTo
 from swarmctl.link.address import Address
 from swarmctl.link.mavlink_link import MavlinkLink
 from swarmctl.link.signing import Signing, timestamp_at
-from tests.link.test_signing import KEY, Signer
+from tests.link.signers import KEY, Signer
 from tests.link.wire import Sender
 
 VEHICLES = 50

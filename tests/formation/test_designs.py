@@ -16,7 +16,7 @@ from swarmctl.formation.information import slots_in_los_frame
 from swarmctl.formation.objectives import OBJECTIVES, determinant, rms, thin, track
 from swarmctl.formation.requirements import Noise, Requirements
 from swarmctl.units import Array
-from tests.formation.test_objectives import standing_at, table_1, table_1_bound, table_1_trajectory
+from tests.formation.table_1 import standing_at, table_1, table_1_bound, table_1_trajectory
 
 SECTOR = np.radians(np.linspace(-30.0, 30.0, 121))
 

@@ -12,7 +12,7 @@ from swarmctl.link.address import Address
 from swarmctl.link.signing import Signing, timestamp_at
 from swarmctl.link.silent_endpoints import SILENT_LINK_S
 from tests.link.bench import AT_1, AT_2, ELSEWHERE, GCS, Bench, Vehicle, goto
-from tests.link.test_signing import KEY, Signer, receiver
+from tests.link.signers import KEY, Signer, receiver
 from tests.link.wire import Sender
 
 UTC_S = 1_790_000_000.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,27 +11,12 @@ from swarmctl.link.codec.encoding import Encoder
 from swarmctl.link.codec.framing import split
 from swarmctl.link.codec.messages import CommandLong, Frame, MavCmd
 from swarmctl.link.signing import EPOCH_UTC_S, MAX_AGE, UNITS_PER_S, Signing, timestamp_at
+from tests.link.signers import KEY, START, Signer, receiver
 from tests.link.wire import Sender
-
-KEY = bytes(range(32))
-START = timestamp_at(1_790_000_000.0)
 
 
 def signing(timestamp: int = START) -> Signing:
     return Signing(KEY, timestamp, 0.0)
-
-
-class Signer(Sender):
-    """A vehicle that signs, by pymavlink."""
-
-    def __init__(
-        self, sysid: int = 1, key: bytes = KEY, timestamp: int = START, link_id: int = 0
-    ) -> None:
-        super().__init__(sysid)
-        self.mav.signing.secret_key = key
-        self.mav.signing.timestamp = timestamp
-        self.mav.signing.link_id = link_id
-        self.mav.signing.sign_outgoing = True
 
 
 def frame(raw: bytes) -> Frame:
@@ -45,13 +28,6 @@ def frame(raw: bytes) -> Frame:
 def fault(ours: Signing, raw: bytes) -> str | None:
     found = ours.check(frame(raw))
     return None if found is None else found.kind
-
-
-def receiver(timestamp: int = START) -> Any:  # noqa: ANN401 - pymavlink is untyped
-    mav = mavlink.MAVLink(None)
-    mav.signing.secret_key = KEY
-    mav.signing.timestamp = timestamp
-    return mav
 
 
 # --- Agreement with pymavlink ----------------------------------------------------------

@@ -14,9 +14,8 @@ from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.ops.live import fly
 from tests.brokers import Embedded, free_port
-from tests.link.endpoints.test_stream import Server
-from tests.link.endpoints.test_udp import LOOPBACK, Inbox
-from tests.link.test_signing import KEY, receiver
+from tests.link.endpoints.loopback import LOOPBACK, Inbox, Server
+from tests.link.signers import KEY, receiver
 from tests.link.wire import Sender, unpack
 
 pytestmark = pytest.mark.live

@@ -18,8 +18,8 @@ from swarmctl.ops.in_memory import fly_in_memory
 from swarmctl.ops.live import fly
 from swarmctl.ops.mission_signing import signing
 from swarmctl.ops.simulation import simulated
-from tests.link.test_signing import KEY
-from tests.ops.test_sitl import BRIEF
+from tests.link.signers import KEY
+from tests.missions import BRIEF
 
 Short = Callable[..., Path]
 

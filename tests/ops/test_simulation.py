@@ -11,7 +11,7 @@ from swarmctl.errors import UsageError
 from swarmctl.mission.mission_file_loading import load_mission, parse_mission
 from swarmctl.ops.sim_config import sim_config, simulation_section
 from swarmctl.ops.simulation import controller_addresses
-from tests.link.test_signing import KEY
+from tests.link.signers import KEY
 from tests.missions import DEMO, short_mission_text
 
 

@@ -28,26 +28,14 @@ from swarmctl.ops.simulation import serve_receivers_of, simulated
 from swarmctl.ops.station import Station
 from swarmctl.ops.vehicle_links import native_link
 from tests.brokers import free_port
-from tests.link.endpoints.test_udp import LOOPBACK
+from tests.link.endpoints.loopback import LOOPBACK
 from tests.link.wire import unpack
-from tests.missions import short_mission_text
+from tests.missions import BRIEF, short_mission_text
 from tests.summaries import known
 
 Short = Callable[..., Path]
 
 SPEEDUP = 10.0
-# Low, near and brief.
-BRIEF: dict[str, object] = {
-    "swarm__vehicles": [{"sysid": i, "altitude_amsl_m": 5 + 9 * i} for i in (1, 2, 3, 4)],
-    "limits__stand_off_m": 330,
-    "limits__d_max_m": 100,
-    "emitter__lat_deg": 54.4335,
-    "emitter__lon_deg": 11.1930,
-    "emitter__sigma_m": 60,
-    "sim__emitter": {"lat_deg": 54.4338, "lon_deg": 11.1925, "alt_amsl_m": 0, "drift_mps": 0.5},
-    "goal__orbit_s": 5,
-    "feed__timeout_s": 60,
-}
 UTC0 = 1_790_000_000.0
 STEP_S = 0.02
 HEARTBEAT, POSITION = dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT

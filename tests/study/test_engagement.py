@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.model.motion import ConstantVelocity
@@ -25,25 +24,9 @@ from swarmctl.study.engagement import (
 )
 from swarmctl.units import Array
 from tests.estimation.scenarios import table_1
-
-RISK = 1e-4
-"""Probability that correct code misses one of the statistical bounds of a test."""
+from tests.study.whiteness import assert_white
 
 FORMATION = np.array([[-math.pi / 2, 300.0], [0.0, 250.0], [2.0, 100.0], [3.0, 40.0]])
-
-
-def assert_white(noise: Array, covariance: Array) -> None:
-    """``noise`` (n, m) has mean zero and ``covariance``.
-
-    An entry of the sample covariance of normal numbers with known mean has the variance
-    ``(C_ii C_jj + C_ij²) / n``. Every entry may miss with RISK / (their number).
-    """
-    n, m = noise.shape
-    far = float(stats.norm.isf(RISK / (m + m * m) / 2.0))
-    variance = np.diag(covariance)
-    assert (np.abs(noise.mean(0)) <= far * np.sqrt(variance / n)).all()
-    spread = np.sqrt((np.outer(variance, variance) + covariance**2) / n)
-    assert (np.abs(noise.T @ noise / n - covariance) <= far * spread).all()
 
 
 def emitters(runs: int) -> Array:

@@ -19,7 +19,7 @@ from swarmctl.study.starts import (
     fixed_frame,
     table_1_covariance,
 )
-from tests.study.test_engagement import assert_white
+from tests.study.whiteness import assert_white
 
 RUNS = 20_000
 ENGAGEMENT = Engagement()

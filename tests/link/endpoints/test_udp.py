@@ -11,28 +11,9 @@ from swarmctl.errors import LinkError
 from swarmctl.link.address import Address
 from swarmctl.link.endpoints.udp import UdpEndpoint, open_udp
 from swarmctl.link.endpoints.url import EndpointUrl
+from tests.link.endpoints.loopback import LOOPBACK, Inbox, ignore
 
 pytestmark = pytest.mark.live
-
-LOOPBACK = EndpointUrl("udpin", "127.0.0.1", 0)
-
-
-class Inbox:
-    """What an endpoint received, waited for with patience."""
-
-    def __init__(self) -> None:
-        self._queue: asyncio.Queue[tuple[bytes, Address]] = asyncio.Queue()
-
-    def put(self, data: bytes, address: Address) -> None:
-        self._queue.put_nowait((data, address))
-
-    async def get(self) -> tuple[bytes, Address]:
-        async with asyncio.timeout(5.0):
-            return await self._queue.get()
-
-
-def ignore(_data: bytes, _address: Address) -> None:
-    pass
 
 
 def at(endpoint: UdpEndpoint, number: int) -> Address:
