@@ -163,7 +163,7 @@ def test_bad_input_is_a_sentence(
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
 def test_ctrl_c_ends_a_long_study(tmp_path: Path, workers: str) -> None:
     process = subprocess.Popen(
         [
