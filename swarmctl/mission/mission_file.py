@@ -155,9 +155,9 @@ class Filter(Section):
     """The filter, and what it assumes of receivers and emitter.
 
     Attributes:
-        kind: The filter's name. ``tracker`` copes with all the errors below and with echoes, and can
-            begin with a sector; ``ncrkf`` is the linear filter alone, for good clocks and white
-            errors.
+        kind: The filter's name. ``tracker`` copes with all the errors below and with echoes, and
+            can begin with a sector; ``ncrkf`` is the linear filter alone, for good clocks and
+            white errors.
         sigma_p_m: 1-sigma of the white error of a reported UAV position, per axis, m.
         process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity, m/s per √s.
         navigation_sigma_m: 1-sigma of the slowly changing error of a reported UAV position, per

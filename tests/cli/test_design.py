@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 import pytest
 
+from tests.command_line import run
 
-def design(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "swarmctl", "design", *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+
+def design(*arguments: str, cwd: Path) -> CompletedProcess[str]:
+    return run("design", *arguments, cwd=cwd)
 
 
 def document(*arguments: str, cwd: Path) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.command_line import run
+
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "how-to" / "my_study.py"
 
@@ -27,18 +29,10 @@ if __name__ == "__main__":
 
 
 def study(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "swarmctl", "study", *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        # The machine's, not the test runner's: numbers are wanted in full.
-        env={**os.environ, "COLUMNS": "100"},
-    )
+    return run("study", *arguments, cwd=cwd)
 
 
+@pytest.mark.slow
 def test_table_1_leaves_figures_and_numbers(tmp_path: Path) -> None:
     done = study("table1", "--runs", "4", "--out", "deep/out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -107,6 +101,7 @@ def test_the_track_s_cases_are_tables_or_json(tmp_path: Path) -> None:
     assert rows[0]["shortfalls"] is not None
 
 
+@pytest.mark.slow
 def test_the_health_of_the_track_is_a_table_or_json(tmp_path: Path) -> None:
     shown = study("health", "--runs", "2", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
@@ -122,6 +117,7 @@ def test_the_health_of_the_track_is_a_table_or_json(tmp_path: Path) -> None:
     assert noisy["named"][0] == 1.0
 
 
+@pytest.mark.slow
 def test_information_says_what_eq_51_is_worth(tmp_path: Path) -> None:
     command = ["information", "--runs", "3", "--epochs", "50", "--with", str(EXAMPLE)]
     done = study(*command, cwd=tmp_path)

@@ -5,26 +5,20 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
 
+from tests.command_line import run
+
 ROOM = Path(__file__).parents[1] / "datasets" / "room"
 
 
-def track(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+def track(*arguments: str, cwd: Path) -> CompletedProcess[str]:
     files = ("--receivers", "receivers.csv", "--measurements", "measurements.csv", "--out", "out")
-    return subprocess.run(
-        [sys.executable, "-m", "swarmctl", "track", *files, *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    return run("track", *files, *arguments, cwd=cwd)
 
 
 @pytest.fixture
