@@ -38,7 +38,7 @@ class PhaseChanged(Decision, frozen=True):
     reason: str
 
 
-class Estimate(Decision, frozen=True):
+class EstimateMade(Decision, frozen=True, tag="Estimate"):
     """The emitter's estimated state after a measurement update.
 
     Attributes:

@@ -22,7 +22,7 @@ from swarmctl.units import Vector
 
 
 class Record(msgspec.Struct, frozen=True, tag=True, kw_only=True):
-    """Base of everything that can be recorded; ``type`` in JSON is the class's name."""
+    """Base of everything that can be recorded; ``type`` in JSON is the class's name or tag."""
 
 
 # --- Observations: vehicle link --------------------------------------------------------

@@ -19,7 +19,7 @@ from swarmctl.events import (
     RangeDifference,
     RangeDifferences,
 )
-from swarmctl.feed.plausibility import (
+from swarmctl.feed.message_limits import (
     Refusal,
     arrival_time_refusal,
     range_difference_refusal,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import msgspec
 
 from swarmctl.events import EmitterTruth, ReceiverTruth
-from swarmctl.feed.plausibility import MAX_CLOCK_SIGMA_S, MAX_EPOCH_UTC_S, MAX_LENGTH_M
+from swarmctl.feed.message_limits import MAX_CLOCK_SIGMA_S, MAX_EPOCH_UTC_S, MAX_LENGTH_M
 from swarmctl.feed.schema import (
     ReceiverTruthMessage,
     TruthMessage,

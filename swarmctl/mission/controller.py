@@ -85,8 +85,8 @@ class Controller:
             self.frame,
             {v.sysid: VehicleState(v.sysid, v.altitude_amsl_m) for v in mission.swarm.vehicles},
         )
-        self.observer = EmitterTracking(mission, hiccup_s)
-        self._trust = EstimateTrust(self.observer.target)
+        self.tracking = EmitterTracking(mission, hiccup_s)
+        self._trust = EstimateTrust(self.tracking.target)
         self.planner = Planner(mission)
         self.phase = Phase.WAITING
         self.plan: Plan | None = None
@@ -120,10 +120,10 @@ class Controller:
                 self.fleet.observe(event)
                 self._receive_vehicle(event, now)
             case RangeDifferences():
-                self.observer.range_differences(event)
+                self.tracking.range_differences(event)
                 self._estimate(now)
             case ArrivalTime():
-                self.observer.arrival(event)  # in use once its burst is whole: at a tick
+                self.tracking.arrival(event)  # in use once its burst is whole: at a tick
             case OperatorRequest():
                 self._break_off(
                     Trigger.CALLED_HOME,
@@ -147,7 +147,7 @@ class Controller:
         # A late caller does not make up for lost periods in a burst.
         self._next_tick = max(self._next_tick + PERIOD_S, now)
         self._estimate(now)
-        for complaint in self.observer.complaints():
+        for complaint in self.tracking.complaints():
             self._say(now, "warning", complaint)
         match self.phase:
             case Phase.WAITING | Phase.CHECKING:
@@ -205,7 +205,7 @@ class Controller:
             case phase if phase in FLYING_FORMATION and self._trust.level is Trust.NONE:
                 return "holding until the emitter is found again"
             case Phase.APPROACHING:
-                return f"{self.planner.to_orbit_m(self.observer.target):.0f} m to the orbit"
+                return f"{self.planner.to_orbit_m(self.tracking.target):.0f} m to the orbit"
             case Phase.ORBITING:
                 done = now - self._phase_since
                 return f"{done:.0f} of {self.mission.goal.orbit_s:.0f} s observed"
@@ -310,9 +310,9 @@ class Controller:
 
     def _aim(self, utc: float | None) -> Target:
         """The estimate of now, as far as guidance may rely on it."""
-        observer = self.observer
-        observer.predict(utc)
-        self._trust.review(observer.target, observer.verdict.status, restarted=observer.restarted)
+        tracking = self.tracking
+        tracking.predict(utc)
+        self._trust.review(tracking.target, tracking.verdict.status, restarted=tracking.restarted)
         return self._trust.target
 
     def _fly(self, now: float, dt: float) -> None:
@@ -351,14 +351,14 @@ class Controller:
                 failure,
                 self.phase,
                 target,
-                rereferences=self.observer.rereferences,
+                rereferences=self.tracking.rereferences,
             )
         if loss is not None:
-            self.observer.leader = self._lost.reference
+            self.tracking.leader = self._lost.reference
             self._say(now, "error", loss, once=False)
             return
         failure = failure or self._checks.observation_failure(
-            self.phase, bool(planned.broken), self.observer.last_used_s, self.started_s, now
+            self.phase, bool(planned.broken), self.tracking.last_used_s, self.started_s, now
         )
         if failure is not None:
             self._fail(failure, now)
@@ -378,7 +378,7 @@ class Controller:
         ):
             detail = f"the emitter is located to {target.sigma_m:.1f} m (1 sigma, larger axis)"
             if self._trust.level is not Trust.FULL:
-                detail += f", if that may be believed: {sentence(self.observer.verdict)}"
+                detail += f", if that may be believed: {sentence(self.tracking.verdict)}"
             self._result = (MissionResult.LOCATED, detail)
             self._move(Trigger.OBSERVED, self._result[1], now)
 
@@ -401,7 +401,7 @@ class Controller:
 
     def _estimate(self, now: float) -> None:
         """Use what can be used of the feed, and say what became of the track."""
-        for decision in self.observer.process(now):
+        for decision in self.tracking.process(now):
             self._decisions.append(decision)
             if not isinstance(decision, HealthChanged):
                 continue
@@ -464,7 +464,7 @@ class Controller:
             case VehiclePosition():
                 vehicle = self.fleet.vehicles.get(event.sysid)
                 if vehicle is not None and vehicle.position_enu is not None:
-                    self.observer.position(event, vehicle.position_enu)
+                    self.tracking.position(event, vehicle.position_enu)
             case CommandOutcome():
                 self._preflight.outcome(event)
                 if self._launch is not None and self.phase is Phase.LAUNCHING:

@@ -39,8 +39,8 @@ class EmitterTracking:
     Attributes:
         leader: System id of the UAV whose arrival times the others' are differenced against
             where it heard the burst.
-        target: The estimate at the instant last given to :meth:`predict`.
-        covariance: Its 6 x 6 covariance.
+        believed: The estimate at the instant last given to :meth:`predict`.
+        target: What guidance is given of it.
         last: The last update; None before any.
         last_used_s: When a range difference was last used, controller's time; None before.
         restarted: Whether the track was lost and begun again.
@@ -61,13 +61,12 @@ class EmitterTracking:
         self._reported_s = -math.inf
         self._recent: deque[tuple[float, int]] = deque()
         self.leader = mission.swarm.reference
-        self.last: decisions.Estimate | None = None
+        self.last: decisions.EstimateMade | None = None
         self.last_used_s: float | None = None
         self.restarted = False
         self.rereferences = False
-        believed = Estimate(-math.inf, *emitter_prior(mission))
-        self.covariance = believed.P
-        self.target = target_of(believed)
+        self.believed = Estimate(-math.inf, *emitter_prior(mission))
+        self.target = target_of(self.believed)
 
     @property
     def verdict(self) -> Verdict:
@@ -114,8 +113,8 @@ class EmitterTracking:
         """Update the track with every measurement whose vehicles' positions are known.
 
         Returns:
-            An :class:`Estimate` for each, and what changed about the track besides. A track
-            that has diverged is begun again from the prior.
+            An :class:`~swarmctl.decisions.EstimateMade` for each, and what changed about the
+            track besides. A track that has diverged is begun again from the prior.
         """
         made: list[Decision] = []
         used = self._track.counts.used
@@ -184,15 +183,14 @@ class EmitterTracking:
 
     def limit(self) -> str:
         """What limits the accuracy now: one word, or a few."""
-        return accuracy_limit(self._track, self.covariance)
+        return accuracy_limit(self._track, self.believed.P)
 
     def predict(self, utc_s: float | None) -> None:
         """Predict :attr:`target` to an instant; without the time it stays what it was."""
         if utc_s is None:
             return
-        believed = self._track.believed_at(utc_s)
-        self.covariance = believed.P
-        self.target = target_of(believed)
+        self.believed = self._track.believed_at(utc_s)
+        self.target = target_of(self.believed)
 
     def rate_hz(self) -> float:
         """Range differences used per second, over the last seconds."""

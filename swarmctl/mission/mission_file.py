@@ -31,11 +31,12 @@ class Vehicle(Section):
 
     Attributes:
         sysid: Its MAVLink system id.
-        altitude_amsl_m: The altitude it flies at, all mission long. Vehicles at altitudes
-            ``limits.min_separation_m`` apart may cross; others go round one another.
-        max_speed_mps: Its greatest ground speed, where that is below ``limits.max_speed_mps``:
-            the swarm flies no faster than it can keep up with.
-        max_acceleration_mps2: Likewise its greatest acceleration.
+        altitude_amsl_m: Its altitude during the whole mission, m. Two vehicles whose altitudes are
+            ``limits.min_separation_m`` apart may cross; others fly round one another.
+        max_speed_mps: Its greatest ground speed, if below ``limits.max_speed_mps``, m/s. The whole
+            swarm then flies slowly enough for this vehicle.
+        max_acceleration_mps2: Its greatest acceleration, if below
+            ``limits.max_acceleration_mps2``, m/s².
     """
 
     sysid: SysId
@@ -45,22 +46,23 @@ class Vehicle(Section):
 
 
 class Swarm(Section):
-    """Who flies, and how they are reached.
+    """The vehicles, and how they are reached.
 
     Attributes:
-        name: Used in MQTT topics.
-        autopilot: The flight stack of all vehicles; ``auto`` takes what each says of itself.
-        link: Where MAVLink comes from, one URL or a list: ``udpin://host:port`` listens,
-            ``udpout://host:port`` and ``tcp://host:port`` call, ``serial:///dev/name:baud``
-            is a radio on a serial line.
-        backend: Who speaks MAVLink on the link: ``native``, or ``mavsdk`` (MAVSDK 4;
-            without signing, forwarding and uploaded fences).
-        signing_key_file: File with the key that signs MAVLink, found from the mission file:
-            32 bytes, 64 hexadecimal digits or a passphrase. What is not signed is refused.
-        gcs_sysid: The controller's own MAVLink system id (255 is QGroundControl's).
-        set_failsafes: Whether swarmctl may set the vehicles' failsafe parameters for the flight
-            where they would not bring the swarm home safely and apart; they are restored after
-            it. Without, it refuses to fly such vehicles.
+        name: Name of the swarm in MQTT topics.
+        autopilot: The autopilot of all vehicles; with ``auto`` each vehicle's HEARTBEAT tells.
+        link: Where the vehicles are reached by MAVLink, one URL or a list: ``udpin://host:port``
+            listens, ``udpout://host:port`` and ``tcp://host:port`` call,
+            ``serial:///dev/name:baud`` is a radio on a serial line.
+        backend: The library that speaks MAVLink: ``native`` (swarmctl's own) or ``mavsdk``
+            (MAVSDK 4; it cannot sign, forward or upload fences).
+        signing_key_file: File with the key that signs MAVLink, relative to the mission file:
+            32 bytes, 64 hexadecimal digits or a passphrase. With a key, unsigned messages are
+            refused.
+        gcs_sysid: The MAVLink system id of swarmctl itself (QGroundControl has 255).
+        set_failsafes: Whether swarmctl may set failsafe parameters that would not bring the
+            vehicles home safely and apart. It restores the old values after the flight. If
+            ``false``, it refuses to fly such vehicles.
         reference: System id of the reference UAV.
         vehicles: All UAVs, the reference included.
     """
@@ -82,21 +84,21 @@ class Swarm(Section):
 
 
 class Limits(Section):
-    """What bounds every command. Distances are 3-D.
+    """Limits that every command keeps. Distances are measured in three dimensions.
 
     Attributes:
-        d_max_m: Communication range: greatest distance of a companion from the reference UAV.
-        min_separation_m: Least distance between two UAVs.
-        stand_off_m: Least distance of any UAV from the emitter.
-        cruise_speed_mps: Speed of the swarm on its way.
-        max_speed_mps: Greatest ground speed commanded to any vehicle.
-        max_acceleration_mps2: Greatest acceleration commanded.
-        ceiling_amsl_m: Greatest altitude.
-        geofence_radius_m: Greatest horizontal distance from the origin.
-        upload_geofence: Whether every vehicle is given a fence of its own before take-off, a
-            circle round the origin some metres wider, in place of any it had. What it does at
-            the fence is for its own parameters to say.
-        battery_reserve: The swarm returns when any battery is below this fraction.
+        d_max_m: Greatest distance of a companion from the reference UAV (communication range), m.
+        min_separation_m: Least distance between two UAVs, m.
+        stand_off_m: Least distance of any UAV from the emitter, m.
+        cruise_speed_mps: Speed of the swarm on its way to the emitter, m/s.
+        max_speed_mps: Greatest ground speed that any vehicle is commanded to fly, m/s.
+        max_acceleration_mps2: Greatest acceleration that any vehicle is commanded to fly, m/s².
+        ceiling_amsl_m: Greatest altitude of any vehicle, m.
+        geofence_radius_m: Greatest horizontal distance of any vehicle from the origin, m.
+        upload_geofence: Whether swarmctl uploads a geofence to every vehicle before take-off: a
+            circle round the origin, 30 m wider than ``geofence_radius_m``. It replaces any fence
+            that the vehicle had. The vehicle's own parameters decide what it does at the fence.
+        battery_reserve: Charge of a battery, as a fraction, below which the swarm returns.
     """
 
     d_max_m: Positive
@@ -112,20 +114,20 @@ class Limits(Section):
 
 
 class Formation(Section):
-    """How the companions stand.
+    """Where the companions stand.
 
     Attributes:
-        design: ``optimal`` for the mission's noise and range; ``paper`` (its Eqs. 29 and 31),
-            ``uniform`` (its Remark 2), ``regression`` or ``worst_case``.
-        sigma_rd_m: 1-sigma of a range difference to expect; shapes the optimal design.
-        rho: Share of its variance that comes from the reference receiver.
-        min_companions: With fewer companions left the swarm returns; with more, the others
-            close up and fly on without a lost one.
-        margin_m: Slots are drawn at ``d_max_m`` less this.
-        stand_off_margin_m: The swarm keeps this much more than ``stand_off_m``.
-        separation_margin_m: Vehicles whose altitudes differ by less than
-            ``limits.min_separation_m`` are planned this much farther apart, for what wind and lag
-            make of a plan.
+        design: The formation design: ``optimal`` (computed for the mission's noise and range),
+            ``paper`` (the paper's Eqs. 29 and 31), ``uniform`` (its Remark 2), ``regression`` or
+            ``worst_case``.
+        sigma_rd_m: Expected 1-sigma of a range difference, m. The optimal design depends on it.
+        rho: Share of a range difference's variance that comes from the reference receiver.
+        min_companions: Least number of companions. With fewer the swarm returns; otherwise the
+            others close up when one is lost, and fly on.
+        margin_m: Distance that the slots keep from ``limits.d_max_m``, m.
+        stand_off_margin_m: Distance that the swarm keeps beyond ``limits.stand_off_m``, m.
+        separation_margin_m: Distance that plans keep beyond ``limits.min_separation_m`` between
+            vehicles whose altitudes differ by less than that, m. Wind and lag use it up.
     """
 
     design: Literal["optimal", "paper", "uniform", "regression", "worst_case"] = "optimal"
@@ -142,7 +144,7 @@ class Feed(Section):
 
     Attributes:
         broker: ``mqtt://[user:password@]host:port``, or ``mqtts://`` for TLS.
-        timeout_s: The swarm returns when no range difference came for this long.
+        timeout_s: Time without any range difference after which the swarm returns, s.
     """
 
     broker: BrokerUrl
@@ -150,21 +152,23 @@ class Feed(Section):
 
 
 class Filter(Section):
-    """What the tracker assumes.
+    """The filter, and what it assumes of receivers and emitter.
 
     Attributes:
-        kind: ``tracker`` copes with all that is listed here, with echoes, and with a sector to
-            look in; ``ncrkf`` is the linear filter alone, for good clocks and white errors.
-        sigma_p_m: 1-sigma of the white error of a reported UAV position, per axis.
-        process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity.
-        navigation_sigma_m: 1-sigma of the slowly changing error of a UAV's positions, per axis.
-        navigation_tau_s: Its correlation time.
-        clock_bias_ns: 1-sigma of a receiver's clock error at the first measurement.
-        clock_drift_ns_per_s: 1-sigma of its drift.
-        colour_sigma_m: 1-sigma of an arrival's correlated error (multipath).
-        colour_tau_s: Its correlation time.
-        manoeuvre_speed_mps: Top speed of an emitter that may turn or stop; 0 for one that
-            drifts or stands.
+        kind: The filter's name. ``tracker`` copes with all the errors below and with echoes, and
+            can begin with a sector; ``ncrkf`` is the linear filter alone, for good clocks and
+            white errors.
+        sigma_p_m: 1-sigma of the white error of a reported UAV position, per axis, m.
+        process_noise_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity, m/s per √s.
+        navigation_sigma_m: 1-sigma of the slowly changing error of a reported UAV position, per
+            axis, m.
+        navigation_tau_s: Correlation time of that error, s.
+        clock_bias_ns: 1-sigma of a receiver's clock error at the first measurement, ns.
+        clock_drift_ns_per_s: 1-sigma of a receiver's clock drift, ns/s.
+        colour_sigma_m: 1-sigma of an arrival's correlated error (multipath), m.
+        colour_tau_s: Correlation time of that error, s.
+        manoeuvre_speed_mps: Top speed of an emitter that may turn or stop, m/s; 0 for one that
+            drifts or stands still.
     """
 
     kind: Literal["tracker", "ncrkf"] = "tracker"
@@ -183,10 +187,10 @@ class Sector(Section):
     """A sector to look in, seen from the origin.
 
     Attributes:
-        bearing_deg: Compass bearing of its middle.
-        width_deg: From edge to edge; 360 for all around.
-        nearest_m: Least distance of the emitter.
-        farthest_m: Greatest distance.
+        bearing_deg: Compass bearing of the sector's middle, degrees.
+        width_deg: Angle from edge to edge, degrees; 360 for all around.
+        nearest_m: Least distance of the emitter from the origin, m.
+        farthest_m: Greatest distance of the emitter from the origin, m.
     """
 
     bearing_deg: Annotated[float, Field(ge=0.0, lt=360.0)]
@@ -201,11 +205,11 @@ class EmitterPrior(Section):
     Attributes:
         lat_deg: Latitude of the place, degrees.
         lon_deg: Longitude of the place, degrees.
-        sigma_m: 1-sigma of the horizontal position about the place, per axis.
-        sector: The sector, instead of these three.
-        alt_amsl_m: Altitude above mean sea level, m.
-        altitude_sigma_m: 1-sigma of the altitude (the sea's surface: about a metre).
-        speed_sigma_mps: 1-sigma of the horizontal velocity, per axis.
+        sigma_m: 1-sigma of the emitter's horizontal position about the place, per axis, m.
+        sector: The sector, instead of ``lat_deg``, ``lon_deg`` and ``sigma_m``.
+        alt_amsl_m: The emitter's altitude above mean sea level, m.
+        altitude_sigma_m: 1-sigma of that altitude, m; about 1 on the surface of the sea.
+        speed_sigma_mps: 1-sigma of the emitter's horizontal velocity, per axis, m/s.
     """
 
     lat_deg: Annotated[float, Field(ge=-85.0, le=85.0)] | None = None
@@ -221,9 +225,10 @@ class Goal(Section):
     """When the mission is done.
 
     Attributes:
-        sigma_m: The emitter counts as located when the larger 1-sigma axis is below this.
-        orbit_s: Time to observe from the orbit.
-        time_limit_s: The swarm returns at the latest this long after the start.
+        sigma_m: Larger 1-sigma axis of the horizontal position below which the emitter counts as
+            located, m.
+        orbit_s: Time that the swarm observes from its orbit, s.
+        time_limit_s: Time after the start at which the swarm returns at the latest, s.
     """
 
     sigma_m: Positive = 5.0
@@ -235,17 +240,17 @@ class Mission(Section):
     """A whole mission file.
 
     Attributes:
-        name: Name of the mission; names the recording.
+        name: Name of the mission and of its recordings.
         description: One line for the console.
-        swarm: Who flies.
-        origin: Where local east-north-up coordinates are zero: the launch area, ground level.
-        limits: What bounds every command.
-        formation: How the companions stand.
-        feed: Where the range differences come from.
-        filter: What the tracker assumes.
+        swarm: The vehicles, and how they are reached.
+        origin: Zero of the local east-north-up coordinates: the launch area at ground level.
+        limits: Limits that every command keeps.
+        formation: Where the companions stand.
+        feed: The measurement feed.
+        filter: The filter, and what it assumes of receivers and emitter.
         emitter: Where the emitter is believed to be before any measurement.
         goal: When the mission is done.
-        sim: The truth; left out of a mission for real vehicles.
+        sim: The simulated truth; real vehicles' missions leave it out.
     """
 
     name: Name

@@ -15,9 +15,10 @@ class SimEmitter(Position):
     """The true emitter of a simulation.
 
     Attributes:
-        drift_mps: Speed of its drift.
-        course_deg: Compass direction it drifts towards.
-        wander_mps_per_sqrt_s: Random walk of its horizontal velocity, per axis.
+        drift_mps: Speed at which the emitter drifts, m/s.
+        course_deg: Compass direction that the emitter drifts towards, degrees.
+        wander_mps_per_sqrt_s: Random walk of the emitter's horizontal velocity, per axis,
+            m/s per √s.
     """
 
     drift_mps: NonNegative = 0.0
@@ -30,21 +31,20 @@ class SimReceivers(Section):
 
     Attributes:
         rate_hz: Bursts a second; 0.02 is one every 50 s.
-        sigma_m: 1-sigma of a range difference's white noise: the errors below come on top.
-        rho: Share of its variance that the reference receiver contributes.
-        clock_bias_sigma_ns: 1-sigma of each receiver's clock error at the start (1 ns is 0.3 m);
-            drawn once for each.
-        clock_drift_sigma_ns_per_s: 1-sigma of each clock's constant drift.
-        nlos_share: Share of the arrivals, at each receiver by itself, that come by an echo
-            instead of the direct path.
-        nlos_min_m: Least detour of an echo.
-        nlos_max_m: Greatest detour of an echo; between the two, all are equally frequent.
-        colour_sigma_m: 1-sigma of the coloured error of every receiver's arrivals (first-order
-            Gauss-Markov): what multipath does; a range difference has the square root of 2 of
-            it.
-        colour_tau_s: Its correlation time.
+        sigma_m: 1-sigma of a range difference's white noise, m. The errors below are added to it.
+        rho: Share of that variance that comes from the reference receiver.
+        clock_bias_sigma_ns: 1-sigma of each receiver's clock error at the start, ns (1 ns is
+            0.3 m). It is drawn once for each receiver.
+        clock_drift_sigma_ns_per_s: 1-sigma of each clock's constant drift, ns/s.
+        nlos_share: Share of each receiver's arrivals that come by an echo instead of the direct
+            path.
+        nlos_min_m: Least detour of an echo, m.
+        nlos_max_m: Greatest detour of an echo, m. Detours are uniform between the two.
+        colour_sigma_m: 1-sigma of the correlated error of each receiver's arrivals (multipath,
+            first-order Gauss-Markov), m. A range difference has √2 times as much.
+        colour_tau_s: Correlation time of that error, s.
         publish: What is published of each burst: range differences against the reference, or
-            arrival times, which outlive its loss. The errors are the same.
+            arrival times, which go on when the reference is lost. Both have the same errors.
     """
 
     rate_hz: Annotated[float, Field(ge=1e-3, le=50.0)] = 10.0
@@ -64,9 +64,10 @@ class SimNavigation(Section):
     """The error of the positions that simulated vehicles report, per axis.
 
     Attributes:
-        white_sigma_m: White part.
-        correlated_sigma_m: First-order Gauss-Markov part; the vehicle flies it, too.
-        correlated_tau_s: Its correlation time.
+        white_sigma_m: 1-sigma of the white part, m.
+        correlated_sigma_m: 1-sigma of the correlated part (first-order Gauss-Markov), m. The
+            vehicle steers by it, so it flies off by as much.
+        correlated_tau_s: Correlation time of the correlated part, s.
     """
 
     white_sigma_m: NonNegative = 0.5
@@ -78,9 +79,9 @@ class SimWind(Section):
     """The simulated wind.
 
     Attributes:
-        speed_mps: Mean speed.
-        from_deg: Compass direction it comes from.
-        gust_sigma_mps: 1-sigma of the gusts, per axis.
+        speed_mps: Mean speed, m/s.
+        from_deg: Compass direction that the wind comes from, degrees.
+        gust_sigma_mps: 1-sigma of the gusts, per axis, m/s.
     """
 
     speed_mps: Annotated[float, Field(ge=0.0, le=30.0)] = 0.0
@@ -92,10 +93,11 @@ class SimFault(Section):
     """Something that goes wrong with one simulated vehicle.
 
     Attributes:
-        sysid: The vehicle.
-        kind: ``silent`` (never says a word), ``refuses_arming``, ``other_key`` (signs with
-            another key than the mission's) or ``dies`` (falls silent).
-        at_s: Simulation time of ``dies``.
+        sysid: The vehicle's system id.
+        kind: What goes wrong: ``silent`` (it never sends anything), ``refuses_arming``,
+            ``other_key`` (it signs with another key than the mission's) or ``dies`` (it falls
+            silent).
+        at_s: Simulation time at which a vehicle that ``dies`` falls silent, s.
     """
 
     sysid: SysId
@@ -104,13 +106,14 @@ class SimFault(Section):
 
 
 class Simulation(Section):
-    """The truth, for missions that are simulated. The controller never reads this section.
+    """The truth of a simulated mission. The controller never reads this section.
 
     Attributes:
         seed: Seed of every random draw.
-        autopilot: Whose manners the vehicles have.
-        full_boot: Whether the vehicles boot as slowly as real ones, or in a few seconds.
-        launch_spacing_m: Distance between launch points, eastwards from the origin.
+        autopilot: The autopilot that the vehicles behave like.
+        full_boot: Whether the vehicles boot as slowly as real ones; otherwise they need a few
+            seconds.
+        launch_spacing_m: Distance between launch points, which lie eastwards from the origin, m.
         emitter: The true emitter.
         receivers: The receivers.
         navigation: Errors of the reported positions.

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from swarmctl.estimation.bounds.consistency import ellipse
-from swarmctl.estimation.integrity.health import Status, sentence
 from swarmctl.mission.controller import Controller
-from swarmctl.units import Vector
+from swarmctl.mission.estimate_projections import EstimateSnapshot, estimate_snapshot
 
 
 @dataclass(frozen=True)
@@ -45,41 +43,6 @@ class VehicleSnapshot:
 
 
 @dataclass(frozen=True)
-class EstimateSnapshot:
-    """The estimate, predicted to the instant of the snapshot.
-
-    Attributes:
-        position_enu: Position, m.
-        lat_rad: Latitude, rad.
-        lon_rad: Longitude, rad.
-        velocity_enu: Velocity, m/s.
-        sigma_major_m: Larger axis of the horizontal 1-sigma ellipse, m.
-        sigma_minor_m: Smaller axis, m.
-        sigma_angle_rad: Direction of the larger axis, rad from East.
-        nis: Normalised innovation squared of the last update; its mean is ``rd_count``.
-        rd_count: Range differences in the last update; 0 before the first.
-        age_s: Age of the last measurement used, s; infinite before the first.
-        health: What the track is worth.
-        why: A sentence on what is wrong with it, or that nothing is.
-        limit: What limits the accuracy.
-    """
-
-    position_enu: Vector
-    lat_rad: float
-    lon_rad: float
-    velocity_enu: Vector
-    sigma_major_m: float
-    sigma_minor_m: float
-    sigma_angle_rad: float
-    nis: float
-    rd_count: int
-    age_s: float
-    health: Status = "initialising"
-    why: str = ""
-    limit: str = ""
-
-
-@dataclass(frozen=True)
 class Snapshot:
     """The mission at an instant.
 
@@ -112,7 +75,7 @@ class Snapshot:
 
 def take_snapshot(controller: Controller, now: float) -> Snapshot:
     """Picture of a mission at the controller's time ``now``, s."""
-    mission, observer = controller.mission, controller.observer
+    mission, tracking = controller.mission, controller.tracking
     plan = controller.plan
     slots = {slot.sysid: slot for slot in plan.slots} if plan is not None else {}
     reference = plan.reference if plan is not None else mission.swarm.reference
@@ -143,31 +106,16 @@ def take_snapshot(controller: Controller, now: float) -> Snapshot:
         elapsed_s=now - controller.started_s,
         d_max_m=mission.limits.d_max_m,
         vehicles=tuple(vehicles),
-        estimate=_estimate(controller, now),
-        rd_rate_hz=observer.rate_hz(),
-        rd_used=observer.counts.used,
-        rd_aside=observer.counts.aside,
-        rd_dropped=observer.counts.dropped,
-    )
-
-
-def _estimate(controller: Controller, now: float) -> EstimateSnapshot:
-    observer = controller.observer
-    target, last = observer.target, observer.last
-    major, minor, angle = ellipse(observer.covariance)
-    lat, lon, _ = controller.frame.to_geodetic(*target.position_enu)
-    return EstimateSnapshot(
-        position_enu=target.position_enu,
-        lat_rad=lat,
-        lon_rad=lon,
-        velocity_enu=target.velocity_enu,
-        sigma_major_m=float(major),
-        sigma_minor_m=float(minor),
-        sigma_angle_rad=float(angle),
-        nis=last.nis if last is not None else 0.0,
-        rd_count=last.rd_count if last is not None else 0,
-        age_s=now - observer.last_used_s if observer.last_used_s is not None else math.inf,
-        health=observer.verdict.status,
-        why=sentence(observer.verdict),
-        limit=observer.limit(),
+        estimate=estimate_snapshot(
+            tracking.believed,
+            tracking.last,
+            controller.frame,
+            age_s=now - tracking.last_used_s if tracking.last_used_s is not None else math.inf,
+            verdict=tracking.verdict,
+            limit=tracking.limit(),
+        ),
+        rd_rate_hz=tracking.rate_hz(),
+        rd_used=tracking.counts.used,
+        rd_aside=tracking.counts.aside,
+        rd_dropped=tracking.counts.dropped,
     )

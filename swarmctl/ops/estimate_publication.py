@@ -7,7 +7,7 @@ import math
 import msgspec
 import numpy as np
 
-from swarmctl.decisions import Estimate
+from swarmctl.decisions import EstimateMade
 from swarmctl.estimation.bounds.consistency import ellipse
 from swarmctl.feed.schema import EstimateMessage, estimate_topic
 from swarmctl.frames import LocalFrame
@@ -32,7 +32,7 @@ class EstimatePublication:
         self._due_s = now
         self._publications: list[tuple[str, bytes]] = []
 
-    def offer(self, estimate: Estimate, utc_s: float | None, now: float) -> None:
+    def offer(self, estimate: EstimateMade, utc_s: float | None, now: float) -> None:
         """Publish an estimate, unless the last one was published too recently.
 
         Args:
@@ -52,7 +52,9 @@ class EstimatePublication:
         return drained
 
 
-def estimate_message(estimate: Estimate, frame: LocalFrame, utc_s: float | None) -> EstimateMessage:
+def estimate_message(
+    estimate: EstimateMade, frame: LocalFrame, utc_s: float | None
+) -> EstimateMessage:
     """The message that publishes an estimate.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol, TypedDict
 
 from swarmctl.commands import Inquiry
-from swarmctl.decisions import Estimate, Notice
+from swarmctl.decisions import EstimateMade, Notice
 from swarmctl.events import (
     FeedConnection,
     LinkConnection,
@@ -144,7 +144,7 @@ class Station:
             for decision in controller.decisions():
                 if recorder is not None:
                     recorder.record(decision, utc)
-                if isinstance(decision, Estimate):
+                if isinstance(decision, EstimateMade):
                     self._estimates.offer(decision, controller.fleet.utc(now), now)
                 elif isinstance(decision, Notice):
                     self._notices.append(decision)
@@ -172,7 +172,7 @@ class Station:
 
     def counts(self) -> TrafficCounts:
         """What went in and out, for the summary."""
-        counts = self.controller.observer.counts
+        counts = self.controller.tracking.counts
         return {
             "mavlink_messages_in": self.link.messages_in,
             "setpoints_out": self.link.setpoints_out,

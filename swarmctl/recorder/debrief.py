@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from swarmctl.decisions import (
     Decision,
-    Estimate,
+    EstimateMade,
     HealthChanged,
     MissionEnded,
     PhaseChanged,
@@ -111,7 +111,7 @@ class Debrief:
             VehiclePosition: self._position,
             RangeDifferences: self._range_differences,
             ArrivalTime: self._arrival_time,
-            Estimate: self._estimate,
+            EstimateMade: self._estimate,
             Plan: self._plan,
             EmitterTruth: self._emitter,
             PhaseChanged: self._phase,
@@ -154,7 +154,7 @@ class Debrief:
         return [(begin, end, status) for (begin, status), end in zip(changes, ends, strict=False)]
 
     @property
-    def final_estimate(self) -> Estimate | None:
+    def final_estimate(self) -> EstimateMade | None:
         """The last estimate of the observing phases, or of the flight if it never observed."""
         return self._accuracy.final_estimate
 
@@ -219,7 +219,7 @@ class Debrief:
     def _arrival_time(self, _record: ArrivalTime, _time_s: float) -> None:
         self._rd_measurements += 1
 
-    def _estimate(self, record: Estimate, time_s: float) -> None:
+    def _estimate(self, record: EstimateMade, time_s: float) -> None:
         self._estimates += 1
         self._accuracy.add_estimate(record, time_s, observing=self._observing)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swarmctl.decisions import Estimate
+from swarmctl.decisions import EstimateMade
 from swarmctl.estimation.bounds.augmented_pcrb import AugmentedBound
 from swarmctl.estimation.feed.alignment import PositionHistory
 from swarmctl.estimation.model.range_difference import effective_covariance, rd_covariance
@@ -45,7 +45,7 @@ class Outcome:
             position.
     """
 
-    estimate: Estimate
+    estimate: EstimateMade
     emitter: Vector
     error_m: float
     nees: float
@@ -55,7 +55,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class _Waiting:
-    estimate: Estimate
+    estimate: EstimateMade
     time_s: float
     observing: bool
     converged: bool
@@ -109,7 +109,7 @@ class Accuracy:
         self._nees_count = 0
         self._ever_observing = False
         self._bound_ended = False
-        self.final_estimate: Estimate | None = None
+        self.final_estimate: EstimateMade | None = None
         self.converged_at_s: float | None = None
 
     @property
@@ -137,7 +137,7 @@ class Accuracy:
             history = self._histories[sysid] = PositionHistory(_HISTORY_S, _MAX_EXTRAPOLATION_S)
         history.add(epoch_s, position, velocity)
 
-    def add_estimate(self, estimate: Estimate, time_s: float, *, observing: bool) -> None:
+    def add_estimate(self, estimate: EstimateMade, time_s: float, *, observing: bool) -> None:
         """Take an estimate made at mission time ``time_s`` (s)."""
         east, north, _ = estimate.position_enu
         ee, en, nn = _horizontal(estimate)
@@ -191,14 +191,14 @@ class Accuracy:
                 self._nees_sum += nees
                 self._nees_count += 1
 
-    def _bound_axis(self, estimate: Estimate, emitter: Vector) -> float | None:
+    def _bound_axis(self, estimate: EstimateMade, emitter: Vector) -> float | None:
         self._update_bound(estimate, emitter)
         if self._bound_epoch_s is None:
             return None
         P = self._bound.covariance
         return _major_axis(float(P[0, 0]), float(P[0, 1]), float(P[1, 1]))
 
-    def _update_bound(self, estimate: Estimate, emitter: Vector) -> None:
+    def _update_bound(self, estimate: EstimateMade, emitter: Vector) -> None:
         epoch_s, reference = estimate.epoch_utc_s, estimate.reference
         if reference is None or estimate.measured_utc_s < epoch_s:
             return  # what came late is left out: the recursion goes forward only
@@ -239,7 +239,7 @@ class Accuracy:
 # Closed forms on plain floats: at ten estimates a second they are ten times faster than arrays.
 
 
-def _horizontal(estimate: Estimate) -> tuple[float, float, float]:
+def _horizontal(estimate: EstimateMade) -> tuple[float, float, float]:
     """East-east, east-north and north-north of the covariance, m²."""
     c = estimate.covariance
     return c[0], c[1], c[7]

@@ -39,23 +39,29 @@ _OBSERVATION_FAMILIES: dict[type[Record], str] = {
 _OTHER_OBSERVATIONS = "input"
 
 
+def name_of(kind: type[Record]) -> str:
+    """The name of a record class in a recording: its tag, the ``type`` of its JSON."""
+    return str(kind.__struct_config__.tag)
+
+
 def topic_of(record: Record) -> str:
-    """The topic of a record: its family, class and vehicle.
+    """The topic of a record: its family, name and vehicle.
 
     ``/vehicle/3/VehiclePosition``, ``/feed/RangeDifferences``, ``/truth/EmitterTruth``,
     ``/operator/OperatorRequest``, ``/input/InputRejected``, ``/decision/Estimate``,
     ``/command/GoTo/3``.
     """
     kind = type(record)
+    name = name_of(kind)
     match record:
         case VehicleObservation():
-            return f"/vehicle/{record.sysid}/{kind.__name__}"
+            return f"/vehicle/{record.sysid}/{name}"
         case Command():
-            return f"/command/{kind.__name__}/{record.sysid}"
+            return f"/command/{name}/{record.sysid}"
         case Decision():
-            return f"/decision/{kind.__name__}"
+            return f"/decision/{name}"
         case _:
-            return f"/{_OBSERVATION_FAMILIES.get(kind, _OTHER_OBSERVATIONS)}/{kind.__name__}"
+            return f"/{_OBSERVATION_FAMILIES.get(kind, _OTHER_OBSERVATIONS)}/{name}"
 
 
 def viewer_schema(kind: type[Record]) -> dict[str, Any]:
@@ -68,6 +74,7 @@ def viewer_schema(kind: type[Record]) -> dict[str, Any]:
     """
     schema = msgspec.json.schema(kind)
     narrowed: dict[str, Any] = _narrow(schema, schema["$defs"])
+    narrowed["title"] = name_of(kind)
     return narrowed
 
 
@@ -155,7 +162,7 @@ class McapLog:
         kind = type(record)
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(
-                name=kind.__name__,
+                name=name_of(kind),
                 encoding="jsonschema",
                 data=msgspec.json.encode(viewer_schema(kind)),
             )

@@ -11,8 +11,9 @@ from rich.console import Console
 
 from swarmctl.cli.console import Reporter, headless_line, print_summary, render
 from swarmctl.decisions import Notice
+from swarmctl.mission.estimate_projections import EstimateSnapshot
 from swarmctl.mission.mission_file_loading import parse_mission
-from swarmctl.mission.snapshot import EstimateSnapshot, Snapshot, VehicleSnapshot
+from swarmctl.mission.snapshot import Snapshot, VehicleSnapshot
 from swarmctl.results import MissionResult
 from tests.missions import short_mission_text
 from tests.summaries import SUMMARY, WITHOUT_TRUTH

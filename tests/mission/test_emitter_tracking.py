@@ -22,10 +22,10 @@ PLACES: dict[int, Vector] = {
 }
 
 
-def report(observer: EmitterTracking, epoch: float | None) -> None:
+def report(tracking: EmitterTracking, epoch: float | None) -> None:
     for sysid, place in PLACES.items():
         lat, lon, alt = MISSION.frame.to_geodetic(*place)
-        observer.position(
+        tracking.position(
             VehiclePosition(
                 received_s=0.0,
                 sysid=sysid,
@@ -40,10 +40,10 @@ def report(observer: EmitterTracking, epoch: float | None) -> None:
         )
 
 
-def measure(observer: EmitterTracking, epoch: float, emitter: Vector) -> None:
+def measure(tracking: EmitterTracking, epoch: float, emitter: Vector) -> None:
     noise = np.random.default_rng(round(1000 * epoch)).normal(0.0, 3.0 / math.sqrt(2.0), 5)
     ranges = {s: math.dist(emitter, place) + noise[s] for s, place in PLACES.items()}
-    observer.range_differences(
+    tracking.range_differences(
         RangeDifferences(
             received_s=0.0,
             epoch_utc_s=epoch,
@@ -56,8 +56,8 @@ def measure(observer: EmitterTracking, epoch: float, emitter: Vector) -> None:
     )
 
 
-def arrive(observer: EmitterTracking, sysid: int, seconds: int, emitter: Vector) -> None:
-    observer.arrival(
+def arrive(tracking: EmitterTracking, sysid: int, seconds: int, emitter: Vector) -> None:
+    tracking.arrival(
         ArrivalTime(
             received_s=0.0,
             receiver=sysid,
@@ -81,31 +81,31 @@ def test_the_prior_is_the_missions() -> None:
     assert expected_enu(MISSION) == pytest.approx(mean[:3])
     assert np.sqrt(np.diag(covariance)) == pytest.approx([100, 100, 1, 1.5, 1.5, 0.001])
     assert process_noise(MISSION) == pytest.approx((4e-4, 4e-4, 0.0))
-    observer = EmitterTracking(MISSION, 0.0)
-    assert observer.target.sigma_m == 100.0
-    assert observer.process(0.0) == []
-    assert observer.last_used_s is None
+    tracking = EmitterTracking(MISSION, 0.0)
+    assert tracking.target.sigma_m == 100.0
+    assert tracking.process(0.0) == []
+    assert tracking.last_used_s is None
 
 
 def test_measurements_draw_the_target_to_the_emitter() -> None:
-    observer = EmitterTracking(MISSION, 0.0)
-    east, north, up = observer.target.position_enu
+    tracking = EmitterTracking(MISSION, 0.0)
+    east, north, up = tracking.target.position_enu
     emitter = (east + 50.0, north - 30.0, up)
     found: list[Decision] = []
     for step in range(300):
         epoch = 1000.0 + 0.1 * step
-        report(observer, epoch)
-        measure(observer, epoch, emitter)
-        found += observer.process(0.1 * step)
-    observer.predict(1030.0)
+        report(tracking, epoch)
+        measure(tracking, epoch, emitter)
+        found += tracking.process(0.1 * step)
+    tracking.predict(1030.0)
     (health,) = [decision for decision in found if isinstance(decision, HealthChanged)]
     assert health.status == "tracking"
     assert len(found) == 301
-    assert observer.counts.used == 900
-    assert observer.counts.dropped == 0
-    assert observer.rate_hz() == pytest.approx(30.0, rel=0.03)
-    error = math.dist(observer.target.position_enu[:2], emitter[:2])
-    assert error < observer.target.sigma_m < 30.0
+    assert tracking.counts.used == 900
+    assert tracking.counts.dropped == 0
+    assert tracking.rate_hz() == pytest.approx(30.0, rel=0.03)
+    error = math.dist(tracking.target.position_enu[:2], emitter[:2])
+    assert error < tracking.target.sigma_m < 30.0
 
 
 @pytest.mark.parametrize("leader", [1, 3])
@@ -115,8 +115,8 @@ def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
     east, north, up = stamped.target.position_enu
     emitter = (east + 50.0, north - 30.0, up)
     for second in range(1000, 1011):
-        for observer in (stamped, differenced):
-            report(observer, float(second))
+        for tracking in (stamped, differenced):
+            report(tracking, float(second))
         for sysid in PLACES:
             arrive(stamped, sysid, second, emitter)
         measure(differenced, float(second), emitter)
@@ -129,18 +129,18 @@ def test_arrival_times_draw_it_as_range_differences_do(leader: int) -> None:
     assert stamped.last is not None
     path_s = math.dist(emitter, PLACES[leader]) / SPEED_OF_LIGHT_MPS
     assert stamped.last.epoch_utc_s == pytest.approx(1009.0 + path_s, abs=1e-9)
-    for observer in (stamped, differenced):
-        observer.predict(1010.0)
-        error_m = math.dist(observer.target.position_enu, emitter)
-        assert error_m < observer.target.sigma_m < 100.0
+    for tracking in (stamped, differenced):
+        tracking.predict(1010.0)
+        error_m = math.dist(tracking.target.position_enu, emitter)
+        assert error_m < tracking.target.sigma_m < 100.0
 
 
 def test_receivers_that_do_not_fit_together_are_complained_of_once() -> None:
-    observer = EmitterTracking(MISSION, 0.0)
+    tracking = EmitterTracking(MISSION, 0.0)
     for second in range(1000, 1015):
-        report(observer, float(second))
-        arrive(observer, 1, second, (400.0, 700.0, 0.0))
-        observer.arrival(
+        report(tracking, float(second))
+        arrive(tracking, 1, second, (400.0, 700.0, 0.0))
+        tracking.arrival(
             ArrivalTime(
                 received_s=0.0,
                 receiver=2,
@@ -152,25 +152,25 @@ def test_receivers_that_do_not_fit_together_are_complained_of_once() -> None:
                 seq=0,
             )
         )
-        observer.process(0.0)
-    assert observer.counts.used == 0
-    assert observer.counts.dropped > 10
-    (complaint,) = observer.complaints()
+        tracking.process(0.0)
+    assert tracking.counts.used == 0
+    assert tracking.counts.dropped > 10
+    (complaint,) = tracking.complaints()
     assert complaint.startswith("receiver 1 heard burst 1000 -0.49")
-    assert observer.complaints() == []
+    assert tracking.complaints() == []
 
 
 def test_positions_without_an_epoch_are_of_no_use() -> None:
-    observer = EmitterTracking(MISSION, 0.0)
-    report(observer, None)
-    measure(observer, 1000.0, (400.0, 700.0, 0.0))
-    report(observer, 1001.0)
-    assert observer.process(0.0) == []
-    assert observer.counts.dropped == 3
+    tracking = EmitterTracking(MISSION, 0.0)
+    report(tracking, None)
+    measure(tracking, 1000.0, (400.0, 700.0, 0.0))
+    report(tracking, 1001.0)
+    assert tracking.process(0.0) == []
+    assert tracking.counts.dropped == 3
 
 
 def test_the_target_stays_while_the_time_is_unknown() -> None:
-    observer = EmitterTracking(MISSION, 0.0)
-    before = observer.target
-    observer.predict(None)
-    assert observer.target is before
+    tracking = EmitterTracking(MISSION, 0.0)
+    before = tracking.target
+    tracking.predict(None)
+    assert tracking.target is before

@@ -74,7 +74,7 @@ def test_an_emitter_that_is_suddenly_elsewhere_is_sought_again_while_the_swarm_h
     assert found - lost < 10.0
     (end,) = [d for d in flight.decisions if isinstance(d, MissionEnded)]
     assert end.result == "located"
-    estimate = flight.controller.observer.target.position_enu
+    estimate = flight.controller.tracking.target.position_enu
     assert math.dist(estimate[:2], flight.fleet.emitter[:2]) < 40.0
     # It brakes within a second or two, and then nobody's plan moves until there is a track.
     held = [d for d in flight.decisions if isinstance(d, Plan) and lost + 4.0 < d.at_s < found]

@@ -7,14 +7,14 @@ import math
 import msgspec
 import pytest
 
-from swarmctl.decisions import Estimate
+from swarmctl.decisions import EstimateMade
 from swarmctl.feed.schema import EstimateMessage
 from swarmctl.frames import LocalFrame
 from swarmctl.ops.estimate_publication import EstimatePublication, estimate_message
 
 FRAME = LocalFrame(0.95, 0.19, 12.0)
 SIGMAS = (30.0, 10.0, 2.0, 1.0, 1.0, 1.0)
-ESTIMATE = Estimate(
+ESTIMATE = EstimateMade(
     at_s=5.0,
     epoch_utc_s=1000.0,
     position_enu=(400.0, -300.0, 50.0),

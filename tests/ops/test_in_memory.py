@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from sim.radio_channel import RadioChannel
 from sim.receivers import Receivers
 from sim.world import World
-from swarmctl.decisions import Estimate, Notice
+from swarmctl.decisions import EstimateMade, Notice
 from swarmctl.errors import UsageError
 from swarmctl.events import ReceiverTruth, Record
 from swarmctl.link.address import Address
@@ -116,10 +116,10 @@ class Estimates:
     """Keeps the estimates of a station that records here."""
 
     def __init__(self) -> None:
-        self.made: list[Estimate] = []
+        self.made: list[EstimateMade] = []
 
     def record(self, record: Record, utc_s: float) -> None:
-        if isinstance(record, Estimate):
+        if isinstance(record, EstimateMade):
             self.made.append(record)
 
 

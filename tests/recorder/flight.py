@@ -132,7 +132,7 @@ def range_differences(t: float) -> events.RangeDifferences:
     )
 
 
-def estimate_record(t: float, random: np.random.Generator) -> decisions.Estimate:
+def estimate_record(t: float, random: np.random.Generator) -> decisions.EstimateMade:
     """Truth plus an error drawn from a covariance that shrinks, long across nothing."""
     e = emitter(t)
     major = 2.2 + 290.0 * math.exp(-(t - 32.0) / 28.0)
@@ -145,7 +145,7 @@ def estimate_record(t: float, random: np.random.Generator) -> decisions.Estimate
     # One slow draw for the whole flight: a filter's errors are correlated.
     wave = np.array([math.sin(0.05 * t + 1.0), math.cos(0.031 * t)]) + 0.15 * random.normal(size=2)
     dx, dy = axes @ (np.array([major, minor]) * wave)
-    return decisions.Estimate(
+    return decisions.EstimateMade(
         at_s=t + 0.2,
         epoch_utc_s=UTC_S + t,
         position_enu=(e[0] + float(dx), e[1] + float(dy), e[2] + 1.0),

@@ -89,7 +89,7 @@ ONE_OF_EACH: tuple[Record, ...] = (
     commands.TakeOff(sysid=3, alt_amsl_m=120.0),
     commands.GoTo(sysid=3, lat_rad=0.8, lon_rad=0.1, alt_amsl_m=120.0, velocity_enu=VECTOR),
     decisions.PhaseChanged(at_s=1.0, phase="observe", trigger="formed", reason="All in place."),
-    decisions.Estimate(
+    decisions.EstimateMade(
         at_s=1.0, epoch_utc_s=1.79e9, position_enu=VECTOR, velocity_enu=VECTOR,
         covariance=tuple(float(k) for k in range(36)), nis=3.2, rd_count=3,
     ),

@@ -66,7 +66,7 @@ def estimate(t: float, east: float, north: float, sigma: float) -> Record:
     covariance = [0.0] * 36
     for k in range(6):
         covariance[7 * k] = sigma**2
-    return decisions.Estimate(
+    return decisions.EstimateMade(
         at_s=START_S + t,
         epoch_utc_s=UTC_S + t,
         position_enu=(east, north, 0.0),

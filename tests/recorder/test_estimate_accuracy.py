@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from swarmctl.decisions import Estimate
+from swarmctl.decisions import EstimateMade
 from swarmctl.estimation.model.receiver_errors import ReceiverErrors
 from swarmctl.recorder.estimate_accuracy import Accuracy
 from swarmctl.recorder.plot_series import FlightSeries
@@ -50,7 +50,7 @@ class Flight:
         P[0, 0], P[0, 1], P[1, 1] = horizontal
         P[1, 0] = P[0, 1]
         self.accuracy.add_estimate(
-            Estimate(
+            EstimateMade(
                 at_s=t,
                 epoch_utc_s=UTC_S + t,
                 position_enu=position,

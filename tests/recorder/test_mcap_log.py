@@ -10,8 +10,9 @@ import msgspec
 import pytest
 from mcap.reader import make_reader
 
+from swarmctl.decisions import EstimateMade
 from swarmctl.events import InputRejected, OperatorRequest, Record
-from swarmctl.recorder.mcap_log import McapLog, topic_of, viewer_schema
+from swarmctl.recorder.mcap_log import McapLog, name_of, topic_of, viewer_schema
 from tests.recorder.samples import ONE_OF_EACH, again, record_types
 
 UTC_S = 1_790_000_000.25
@@ -73,7 +74,7 @@ def test_everything_is_read_back(tmp_path: Path) -> None:
     ]
     for record, (schema, channel, message) in zip(ONE_OF_EACH, read, strict=True):
         assert schema is not None
-        assert (schema.name, schema.encoding) == (type(record).__name__, "jsonschema")
+        assert (schema.name, schema.encoding) == (json.loads(message.data)["type"], "jsonschema")
         assert (channel.topic, channel.message_encoding) == (topic_of(record), "json")
         assert message.publish_time == message.log_time
         assert fault(json.loads(message.data), json.loads(schema.data)) is None
@@ -132,7 +133,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
     ],
 )
 def test_a_topic_tells_the_family(kind: str, topic: str) -> None:
-    (record,) = [r for r in ONE_OF_EACH if type(r).__name__ == kind]
+    (record,) = [r for r in ONE_OF_EACH if name_of(type(r)) == kind]
     assert topic_of(record) == topic
 
 
@@ -142,3 +143,4 @@ def test_a_schema_is_one_object_without_references() -> None:
     assert schema["properties"]["source"] == {"type": "string", "enum": ["feed", "mavlink"]}
     assert "$defs" not in schema
     assert viewer_schema(OperatorRequest)["title"] == "OperatorRequest"
+    assert viewer_schema(EstimateMade)["title"] == "Estimate"

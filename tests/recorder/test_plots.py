@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
-from swarmctl.decisions import Estimate, Plan
+from swarmctl.decisions import EstimateMade, Plan
 from swarmctl.events import EmitterTruth, Record, VehiclePosition
 from swarmctl.recorder import plots
 from swarmctl.recorder.debrief import Debrief
@@ -51,7 +51,7 @@ def test_four_plots_are_drawn(whole_flight: Debrief, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "left_out",
-    [(EmitterTruth,), (EmitterTruth, Estimate), (Plan,), (VehiclePosition,), (Record,)],
+    [(EmitterTruth,), (EmitterTruth, EstimateMade), (Plan,), (VehiclePosition,), (Record,)],
     ids=["no truth", "no estimate", "never formed", "no position", "nothing at all"],
 )
 def test_a_flight_that_lacks_something_is_drawn_too(

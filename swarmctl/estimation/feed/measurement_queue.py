@@ -13,9 +13,9 @@ from swarmctl.errors import EstimationError
 from swarmctl.estimation.arguments import as_not_negative
 from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.feed.alignment import SwarmPositions
+from swarmctl.estimation.feed.corrupt_numbers import are_plausible, is_arrival_plausible
 from swarmctl.estimation.feed.locating import locate
 from swarmctl.estimation.feed.pairing import Arrival, Burst, Measurement, Pairing, differences
-from swarmctl.estimation.feed.plausibility import are_plausible, is_arrival_plausible
 from swarmctl.estimation.track.track import Track
 from swarmctl.units import Vector
 

@@ -75,7 +75,7 @@ def screen(nu: Array, S: Array, rows: Rows, gate: float = GATE) -> Screened:
         worst = int(np.argmax(statistic))
         if statistic[worst] <= limit:
             break
-        # Of a row whose two receivers are in no other either may be the one.
+        # Where a row's two receivers are in no other row, either may be the one.
         alike = np.abs(g @ g[worst]) >= g[worst] @ g[worst]
         alike &= (g * g).sum(1) == g[worst] @ g[worst]
         aside += [r for r, same in zip(ids, alike, strict=True) if same]

@@ -1,21 +1,17 @@
 """A feed that repeats itself: held values and replayed epochs, told from honest coarseness.
 
-With continuous noise no number comes twice. A feed with a resolution q does repeat itself: a
-range difference (RD) whose white noise, given all else, has the 1-sigma s falls into one given
-step with a probability of at most ``q / (sqrt(2 pi) s)``, whatever moves or stands still. So of
-rows with such bounds p_i, r or more repeat by chance with a probability of at most
-
-    exp(-I),    I = r ln(r / mu) - r + mu,    mu = sum p_i < r
-
-(Chernoff's bound; Hoeffding, 1956, for unequal p_i), and ``sqrt(2 I)`` is as many sigmas of a
-normal number, to leading order. The resolution is learnt: different values of a pair are never
-nearer to each other. A feed that is coarser than its noise says nothing here (all p_i are 1).
+With continuous noise no number comes twice; with a resolution q a row whose white noise, given all
+else, has the 1-sigma s repeats by chance with a probability of at most ``q / (sqrt(2 pi) s)``. If
+these add up to mu, r or more rows repeat by chance with a probability of at most ``exp(-I)``,
+``I = r ln(r / mu) - r + mu`` for mu < r (Chernoff's bound; Hoeffding, 1956), which is as rare as
+``sqrt(2 I)`` sigmas of a normal number. The resolution is learnt from the values. A feed that is
+coarser than its noise says nothing here. ``docs/explanation/track.md`` has more.
 
 ``held``
     A row is the same as its pair's before; counted for each pair, and for all together.
 ``replayed``
     The last epoch was the same as an earlier one, and this one is the same as that one's
-    successor; its p is the product over its rows.
+    successor; its probability is the product over its rows.
 """
 
 from __future__ import annotations

@@ -1,58 +1,25 @@
-r"""The consistent non-conservative robust Kalman filter (NCRKF): one measurement update.
+"""The consistent non-conservative robust Kalman filter (NCRKF): one measurement update.
 
-Linear form
-    With ``p = e - p_0``, ``m_j = p_j - p_0`` and ``D_0 = |p|``, squaring ``D_0 + r_j = D_j``
-    gives, exactly, ``r_j² - |m_j|² = -2 m_jᵀ p - 2 r_j D_0``: linear in ``s = [p; D_0]``
-    (the paper's Eq. (2)). Nothing is linearised about the estimate, so a poor start cannot
-    throw the filter off, as it does an EKF. The price is that the measured r_j stands in the
-    measurement matrix too; the NCRKF takes the bias of that out again (W and V of Eqs. (5),
-    (6), (8), (9)), which works for any weight M that does not depend on this step's noise.
+The update is linear in ``s = [p; D_0]``, the position ``p = e - p_0`` relative to the reference and
+its length D_0 (the paper's Eq. (2)). Nothing is linearised about the estimate, so a poor start
+cannot throw the filter off. ``docs/explanation/estimation.md`` derives it and says where it leaves
+the paper. What the code below relies on:
 
-Where this filter leaves the paper
-    1. *Absolute frame.* All is expressed at the measured UAV positions, which are then exact
-       by definition; their error moves into the RD, ``r~_j = r_j + eps_j`` with the covariance C of
-       :func:`~swarmctl.estimation.model.range_difference.effective_covariance`. So W and V have one
-       entry each, at D_0; those the paper has at p are the same navigation error, there carried by
-       the baselines. (Both forms agree in Monte Carlo to 0.1 % of the RMSE.)
-    2. *Efficient weight.* Rows are divided by ``2 D_j``, known before the measurement. The
-       residual of row j at the true s is then ``eta_j = eps_j + (eps_j² - C_jj) / 2 D_j``
-       with covariance ``R_ij = C_ij + C_ij² / (2 D_i D_j)``: in metres, and hardly more than
-       the RD noise itself. M = R⁻¹. (In the paper's scale, M⁻¹ = 4 D_i D_j C_ij + 2 C_ij².)
-    3. *Range consistency.* D_0 is not a state. Each update rebuilds s from the prior of e to
-       second order: with P_t the position covariance across the line of sight, D_0 has mean
-       ``sqrt(|p|² + tr P_t)`` (the usual |p| + tr(P_t)/2|p|, but finite as p -> 0),
-       covariance ``P u`` with e and, beyond ``uᵀ P u``, the variance ``tr(P_t²) / 2 D_0²``
-       of its own. What the update learns about D_0 reaches e through that covariance; then
-       D_0 is dropped, so no constraint is counted twice.
-    4. *Conditioned rows.* The score ``H~ᵀ M (y - H~ s)`` contains ``epsᵀ M eps / D_0``. W and
-       V remove its mean; its variance, 2 N / D_0² an update, stays, against an information on
-       the range of q² / C D_0² where q = d² / 2 D_0 is the wave's curvature over a baseline d
-       across the line of sight. Where q is not well above the noise (a swarm that is still
-       forming up, or far away) that swamps the information: from 2.5 km with d = 15-50 m
-       and sigma_r = 3 m the NEES is 20 and the error grows past the prior's. So the left H~
-       carries not r~ but its expectation given prior *and* measurement,
-       ``r_bar = r~ - R S⁻¹ nu``. Its noise has covariance K C with the residual's,
-       ``K = I - R S⁻¹``, which replaces C in W and V: K is I when the prior knows nothing
-       (then this is the NCRKF) and fades as the track settles (an instrumental variable).
+* All is expressed at the *measured* UAV positions. Their error is part of the RDs' covariance C
+  (:func:`~swarmctl.estimation.model.range_difference.effective_covariance`), so W and V have one
+  entry each, at D_0.
+* Rows are divided by ``2 D_j``. Row j's residual at the true s has covariance
+  ``R_ij = C_ij + C_ij² / (2 D_i D_j)``, in m², and the weight is M = R⁻¹.
+* D_0 is rebuilt from the prior of e at each update, to second order, and dropped afterwards.
+* The left factor Hbar carries ``r_bar = r~ - R S⁻¹ nu`` for the measured r~; ``K C``
+  replaces C in W and V, with ``K = I - R S⁻¹``.
+* With ``A = Hbarᵀ M H~ - W`` and the score ``g = Hbarᵀ M nu + W s - V``, the update is
+  ``P⁺ = (P⁻¹ + A)⁻¹``, ``x⁺ = x + P⁺ g``. It is evaluated in coordinates ``s = s^ + L z`` with
+  ``L Lᵀ = cov(s)``, where ``G = I + Lᵀ A L`` is (d + 1) x (d + 1) for any N. The state uses A as it
+  is; the covariance uses its symmetric part, which may be indefinite: see ``_FLOOR``.
 
-Information
-    ``A = Hbarᵀ M H~ - W`` and the score ``g = Hbarᵀ M nu + W s - V`` at the predicted s
-    give P⁺ = (P⁻¹ + A)⁻¹, x⁺ = x + P⁺ g, evaluated in the coordinates ``s = s^ + L z`` that
-    make the prior of z a unit one: with ``L Lᵀ = cov(s)``, ``G = I + Lᵀ A L`` is
-    (d + 1) x (d + 1) whatever N. A is not symmetric (its left factor is not its right); the
-    state uses it as it is, so that the score stays free of bias, the covariance its symmetric
-    part. A may well be indefinite; it is P⁺ that must not be: see ``_FLOOR``.
-
-Limit
-    Second order is enough while the spread across the line of sight stays below about a third
-    of the range. Two companions see to that within a second; one alone may not (N = 1, 240 m
-    spread at 720 m: mean NEES 4).
-
-    A height that only D_0 tells of, all receivers being at one height, must be known beforehand
-    to a quarter of their height above the emitter. D_0 is quadratic in it, and the rest that a
-    straight line leaves is taken as new at every update, though it is the same: at half their
-    height the mean square of the height's error is 8 x the claimed (the horizontal position
-    stays honest). Receivers at different heights see the height in their baselines: no limit.
+The spread across the line of sight must stay below about a third of the range, and a height that
+only D_0 tells of must be known to a quarter of the receivers' height above the emitter.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def search(window: Window, prior: Prior, collected: list[Rows], colour_m: float)
     for kept, steps in ((_SCOUTED, 0), (_SOUGHT, 4)):
         fit = window.fit(found, steps)
         order = np.argsort(fit.objective).tolist()
-        # Of each mode one first: many starts lead to the best, and would crowd out the others.
+        # One start of each mode comes first: many lead to the best and would crowd out others.
         modes = distinct(fit, -fit.objective) if steps else []
         found = fit.theta[[*modes, *(k for k in order if k not in set(modes))][:kept]]
     fit = window.fit(found, _SEARCH)

@@ -1,30 +1,12 @@
-r"""How much of what tells two modes apart is real, and how much the noise of reported positions.
+"""How much of what tells two modes apart is real, and how much the noise of reported positions.
 
-The receivers are at p and report q = p + delta. Of a mode and its mirror image let h and h_m be
-the range differences expected, ``c = h_m(q) - h(q)`` their contrast, nu the innovation of the
-first and S its covariance, with the reported positions' part in it. The data then favour the
-first mode by the log-likelihood ratio
-
-    L = c' S⁻¹ (c / 2 - nu),        c = c_true + D delta,        D = dh_m/dp - dh/dp
-
-as if q were exact and p scattered about it, of any place as probably as of any other. But p is
-not drawn anew for every epoch. If the first mode is the true one then, over delta and all other
-noise, with ``A = D cov(delta) D' S⁻¹`` and the real information ``I = c_true' S⁻¹ c_true``,
-
-    E L = I / 2,        var L <= I + tr A,        E[c' S⁻¹ c] = I + tr A
-
-(the position noise, alike in all directions, has the same variance along either line of sight,
-which is why nothing of it is left in E L). So of a swarm that hovers on one line, I = 0, every
-epoch adds a step of either sign to L, and sooner or later one of the two modes is improbable: the
-error in variables, taken for a scatter (Berkson, "Are there two regressions?", J. Am. Stat. Assoc.
-45, 1950). The log-odds that a normal number of such moments stands for are ``2 E L / var L`` of
-it: at least the share
-
-    I / (I + tr A).
-
-Its denominator is ``c' S⁻¹ c``, as found. Its numerator is that less ``tr A``, and less some sigmas
-of what the noise makes of it alone, ``2 tr A²``: the share is 0 until the contrast is real, and 1
-once it is large.
+With the contrast ``c = h_m(q) - h(q)`` between the range differences expected of a mirror image
+and of a mode, S the innovation's covariance, and A what the reported positions' noise makes of c,
+whitened, at least the share ``I / (I + tr A)`` of the log-odds counts. I is the real information:
+``c' S⁻¹ c`` less ``tr A`` and less some sigmas, ``2 tr A²``, of what the noise makes of it alone.
+The share is 0 until the contrast is real and 1 once it is large, so a swarm that hovers on one
+line never takes the noise of its positions for evidence of a side. ``docs/explanation/track.md``
+derives it.
 """
 
 from __future__ import annotations

@@ -94,10 +94,10 @@ class FullKernel:
         self._settled_s = -math.inf
         self._turning = 0.0  # greatest probability of a manoeuvre since the last renewal
         self._window: Window | None = None
-        # Of the window, each mode's straight line, and what pulls the emitter off it.
+        # Each mode's straight line over the window, and what pulls the emitter off it.
         self._theta: Array = np.zeros((0, 2 * self._behaviour.d))
         self._pull: Pull | None = None
-        # Of the epochs since the last renewal: its time, position and velocity of each mode.
+        # The last renewal's time, with each mode's position and velocity then.
         self._nominal: tuple[float, Array] = (-math.inf, self._theta)
         self._collected: list[Rows] = []
         self._mixture: Mixture | None = None
@@ -199,7 +199,7 @@ class FullKernel:
         modes = distinct(fit, score)
         data = -0.5 * np.vecdot(fit.residual, fit.residual)
         for k in modes[1:]:
-            # Of what the rows say only what is real.
+            # Only the real part of what the rows say counts.
             score[k] += window.evidence(fit, modes[0], k) - (data[k] - data[modes[0]])
         probable = is_probable(score[modes])
         chosen = [k for k, is_kept in zip(modes, probable, strict=True) if is_kept]

@@ -1,25 +1,14 @@
 """An emitter that turns or stops: two motion models side by side.
 
-The interacting multiple model (IMM; Blom, Bar-Shalom, "The interacting multiple model algorithm
-for systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33(8), 1988).
-Model 0 is the quiet one, constant velocity with the mission's process noise. Model 1 is a
-manoeuvre: *entering* it the velocity jumps, since a car that turns or stops is done with it in a
-second or two, and while it lasts the velocity walks on.
+This is the interacting multiple model (IMM; Blom, Bar-Shalom, "The interacting multiple model
+algorithm for systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33(8),
+1988). Model 0 is the quiet one: constant velocity with the mission's process noise. Model 1 is a
+manoeuvre: the velocity jumps on entering it and walks on while it lasts.
 
-A manoeuvre is averaged into the quiet model only once it is believed. The IMM does so at every
-step with what leaves model 1, which is harmless while both models know about as much. In quiet
-flight they do not: with a probability of 1 % and a velocity variance of 250 m²/s², what leaves
-model 1 after a second or so is a process noise of some m²/s³ to a quiet model that has 0.01. So the
-probabilities follow the chain, but before :data:`BELIEVED` the moments of what leaves are pruned,
-as in a tree of hypotheses: a manoeuvre that began, ended and convinced nobody. That the merging
-sets in at once does no harm: by then the quiet model has been refuted, and counts for no more
-than what it is given.
-
-Measured (``swarmctl study track --runs 500``) in Table 1's geometry at 50 Hz: in
-quiet flight the RMSE at 12 s is that of the NCRKF, which knows of no manoeuvres, and the NEES 16 %
-below its. At 8 s turns by 90° to either side, or a stop, from 20 m/s: a second later the mean NEES
-is 6 at most, and five seconds later the error 1.3 x the bound of the constant-velocity model. In
-the first half second it is up to 23, which is what nobody can know yet.
+The probabilities follow the chain, but the moments of what leaves model 1 are merged into model 0
+only once a manoeuvre is believed (:data:`BELIEVED`). Merged always, they would act on the quiet
+model as a process noise far above its own. ``docs/explanation/track.md`` says why this does no
+harm, and how well it works.
 """
 
 from __future__ import annotations

@@ -1,20 +1,15 @@
-r"""The most probable trajectory over a window of epochs, the receivers' errors averaged out.
+"""The most probable trajectory over a window of epochs, the receivers' errors averaged out.
 
-A filter linearises each epoch once, at what it believes then. Where the receivers' clocks and
-positions are uncertain a bearing is not known to better than some hundredths of a radian, and
-its error is *persistent*: epochs linearised at different estimates of it contradict each other,
-and their contradiction looks like information. Here all epochs of the window are linearised at
-one trajectory, and again at each better one. With a constant-velocity start ``theta = [e, v]``
-at the window's first epoch the rows are
+All epochs of the window are linearised at one trajectory, and again at each better one: linearised
+at different estimates they would contradict each other, and the contradiction would look like
+information (``docs/explanation/track.md``). With a constant-velocity start ``theta = [e, v]`` at
+the window's first epoch the rows are ``z_a = h_a(theta) + eps_a``, ``eps ~ N(0, Sigma)``, with
+Sigma in closed form (:mod:`~swarmctl.estimation.track.window_covariance`).
 
-    z_a = h_a(theta) + eps_a,       eps ~ N(0, Sigma),
-
-with Sigma in closed form (:mod:`~swarmctl.estimation.track.window_covariance`). Gauss-Newton on
-theta (damped by Levenberg and Marquardt while a step does not lower the objective) has four or six
-unknowns whatever the number of receivers. The emitter's random part w, a Gaussian process too, has
-its most probable values ``w(t) = diag(q) sum_a walk(t, t_a) g_a (Sigma⁻¹ r)_a``, and each iteration
-linearises at the straight line *and* these. A window that has grown by a block begins where it was:
-one iteration is enough then.
+Gauss-Newton on theta, damped by Levenberg and Marquardt while a step does not lower the objective,
+has four or six unknowns whatever the number of receivers. Each iteration linearises at the straight
+line *and* the most probable random motion ``w(t) = diag(q) sum_a walk(t, t_a) g_a (Sigma⁻¹ r)_a``.
+A window that has grown by a block begins where it was, and one iteration is enough then.
 
 The epochs are kept as normal points (:mod:`~swarmctl.estimation.track.window_blocks`).
 """

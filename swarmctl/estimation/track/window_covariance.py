@@ -91,8 +91,8 @@ def by_receiver(table: Table, u: Array) -> Array:
 def averaged(time_s: Array, span_s: Array, tau_s: float) -> Array:
     """Correlation of a Gauss-Markov process between its averages over spans, (M, M).
 
-    The exact integral of ``exp(-|u - v| / tau)`` over both spans: of whatever spans and times,
-    a covariance that is one. Of spans that do not overlap it is a product, of how much each
+    This is the exact integral of ``exp(-|u - v| / tau)`` over both spans, so it is a covariance
+    for any spans and times. Where two spans do not overlap it is a product of how much each
     fades within itself and of what lies between them.
 
     Args:
