@@ -26,12 +26,12 @@ demo: setup
 test: setup
 	$(PYTEST) -m "not slow"
 
-# What `make test` leaves out.
+# What `make test` leaves out. Whole flights in real time have the machine for themselves.
 test-slow: setup
-	$(PYTEST) -m slow
+	$(PYTEST) -m "slow and not live"
+	$(BIN)/python -m pytest -m "slow and live"
 
-test-all: setup
-	$(PYTEST)
+test-all: test test-slow
 
 lint: setup
 	$(BIN)/ruff check .

@@ -20,6 +20,7 @@ Short = Callable[..., Path]
 SCRIPT = str(Path(__file__).parents[1] / "missions" / "find_beacon.py")
 
 
+@pytest.mark.slow
 @pytest.mark.live
 async def test_the_mission_script_finds_the_beacon(short_mission: Short) -> None:
     summary = await find_beacon(short_mission(), speedup=12.0)

@@ -83,6 +83,7 @@ def topics_of(out: Path) -> set[str]:
         return {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
 
 
+@pytest.mark.slow
 def test_the_demo_over_udp_and_the_embedded_broker(short_mission: Short, tmp_path: Path) -> None:
     out = tmp_path / "out"
     code, output, errors = swarmctl(

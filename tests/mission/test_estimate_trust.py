@@ -35,7 +35,7 @@ def test_a_track_leads_until_it_is_lost_and_then_the_last_belief_bounds() -> Non
     assert (trusted.level, trusted.target) == (Trust.FULL, THERE)
 
 
-@pytest.fixture(params=["tracker", "ncrkf"])
+@pytest.fixture(params=[pytest.param("tracker", marks=pytest.mark.slow), "ncrkf"])
 def flight(request: pytest.FixtureRequest) -> Flight:
     return Flight(parse_mission(short_mission_text(filter__kind=request.param)))
 

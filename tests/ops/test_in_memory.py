@@ -60,6 +60,7 @@ def test_a_short_mission_is_located_recorded_and_within_its_limits(
     }
 
 
+@pytest.mark.slow
 def test_the_truth_about_poor_receivers_is_in_the_recording(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -98,6 +99,7 @@ def formed_up(snapshot: Snapshot) -> bool:
     return snapshot.elapsed_s > 80.0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_flight_and_another_seed_another(
     short_mission: Short, tmp_path: Path
 ) -> None:
@@ -123,6 +125,7 @@ class Estimates:
             self.made.append(record)
 
 
+@pytest.mark.slow
 def test_arrival_times_give_the_estimates_of_range_differences(short_mission: Short) -> None:
     # One flight, told both ways: the second station hears the same vehicles and its own world's
     # receivers, but what it says reaches nobody.
@@ -263,6 +266,7 @@ class Exchanged(RadioChannel[tuple[int, bytes]]):
         super().send(item, now_s)
 
 
+@pytest.mark.slow
 def test_an_id_that_changes_its_hardware_id_in_flight_is_named_and_done_without(
     short_mission: Short, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -49,6 +49,7 @@ def speakers(tlog: Path) -> set[tuple[int, bool]]:
 EVERYBODY_SIGNS = {(sysid, True) for sysid in (1, 2, 3, 4, 245)}
 
 
+@pytest.mark.slow
 def test_a_mission_with_a_key_flies_in_memory(signed_mission: Short, tmp_path: Path) -> None:
     mission = signed_mission(swarm__autopilot="px4", sim__autopilot="px4")
     summary = fly_in_memory(mission, tmp_path / "out")

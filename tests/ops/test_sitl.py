@@ -55,6 +55,7 @@ class Witness:
         return unpack(self._last[sysid, message])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("autopilot", "publish"), [("ardupilot", "range_differences"), ("px4", "arrival_times")]
 )

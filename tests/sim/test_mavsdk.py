@@ -69,6 +69,7 @@ async def until(stream: AsyncGenerator[Any, None], holds: Callable[[Any], bool])
     raise AssertionError("the subscription ended")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 async def test_mavsdk_connects_arms_takes_off_flies_setpoints_and_lands(autopilot: str) -> None:
     async with connected(autopilot) as system:

@@ -17,7 +17,7 @@ from swarmctl.study.transitions import (
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 3, 4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 5))]
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4, 5))]
 )
 def test_no_transition_breaks_a_limit(seed: int) -> None:
     """Hundreds of them: ``swarmctl study formation --runs 0``."""

@@ -450,6 +450,7 @@ def test_an_emitter_that_stops_is_found_again() -> None:
     assert math.sqrt(np.mean(ratios)) < 2.0
 
 
+@pytest.mark.slow
 def test_who_is_ready_for_a_manoeuvre_loses_little_while_there_is_none() -> None:
     """10 % of the RMSE, and of the claimed sigma, of who is told that there are none.
 
