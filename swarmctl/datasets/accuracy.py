@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from swarmctl.datasets.reading import Trajectory
-from swarmctl.datasets.tracking import Assumptions, Counts, Step
+from swarmctl.datasets.tracking import Assumptions, DataSetCounts, TrackedEpoch
 from swarmctl.estimation.bounds.consistency import nees
 from swarmctl.estimation.integrity.health import Cause, Verdict, sentence
 from swarmctl.units import Array
@@ -133,7 +133,7 @@ class TrackingSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass
 class TrackHistory:
-    """Every step of a track, with the truth beside it where that is known.
+    """Every epoch of a track, with the truth beside it where that is known.
 
     Attributes:
         dof: Axes of the position that count: 3, or 2 where the height was given.
@@ -142,10 +142,10 @@ class TrackHistory:
 
     dof: int
     truth: Trajectory | None
-    _steps: list[Step] = field(default_factory=list)
+    _steps: list[TrackedEpoch] = field(default_factory=list)
     _true: list[Array] = field(default_factory=list)
 
-    def add(self, step: Step) -> None:
+    def add(self, step: TrackedEpoch) -> None:
         """Take the next step."""
         true = None if self.truth is None else self.truth.at(step.epoch_s)
         self._steps.append(step)
@@ -178,9 +178,10 @@ class TrackHistory:
 
     def series(self) -> EstimateSeries:
         """The estimates of the steps that have one."""
-        there = [k for k, step in enumerate(self._steps) if step.x is not None]
-        x = np.array([self._steps[k].x for k in there]).reshape(-1, 6)
-        P = np.array([self._steps[k].P for k in there]).reshape(-1, 6, 6)
+        found = [(k, step.estimate) for k, step in enumerate(self._steps) if step.estimate]
+        there = [k for k, _ in found]
+        x = np.array([estimate.x for _, estimate in found]).reshape(-1, 6)
+        P = np.array([estimate.P for _, estimate in found]).reshape(-1, 6, 6)
         true = np.array([self._true[k] for k in there]).reshape(-1, 3)
         time = np.array([self._steps[k].epoch_s for k in there])
         nis = np.array([self._steps[k].verdict.nis for k in there])
@@ -192,7 +193,7 @@ class TrackHistory:
         sigma = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
         return EstimateSeries(time, x, true, np.linalg.norm(error, axis=1), sigma, forms, nis)
 
-    def figures(self, counts: Counts, elapsed_s: float) -> TrackingFigures:
+    def figures(self, counts: DataSetCounts, elapsed_s: float) -> TrackingFigures:
         """Work out the figures.
 
         Args:
@@ -201,7 +202,8 @@ class TrackHistory:
         """
         series = self.series()
         begin_s, end_s = self._steps[0].epoch_s, self._steps[-1].epoch_s
-        measured = counts.used + counts.aside
+        rows = counts.rows
+        measured = rows.used + rows.aside
         status = self.status
         figures = TrackingFigures(
             duration_s=end_s - begin_s,
@@ -210,10 +212,10 @@ class TrackHistory:
             epochs=counts.epochs,
             estimates=len(series.time),
             first_estimate_s=float(series.time[0]) - begin_s if len(series.time) else None,
-            used=counts.used,
-            rejected=counts.aside,
-            share_rejected=counts.aside / measured if measured else None,
-            repeated=counts.repeated,
+            used=rows.used,
+            rejected=rows.aside,
+            share_rejected=rows.aside / measured if measured else None,
+            repeated=rows.repeated,
             without_receiver_position=counts.unplaced,
             restarts=counts.restarts,
             mean_nis=float(series.nis.mean()) if len(series.nis) else None,

@@ -17,7 +17,7 @@ import numpy as np
 
 from swarmctl.datasets.accuracy import TrackHistory, TrackingSummary
 from swarmctl.datasets.reading import read_epochs, read_receivers, read_truth
-from swarmctl.datasets.tracking import Assumptions, Counts, Step, track
+from swarmctl.datasets.tracking import Assumptions, DataSetTracking, TrackedEpoch
 from swarmctl.errors import UsageError
 
 ESTIMATES_FILE, SUMMARY_FILE = "estimates.csv", "summary.json"
@@ -68,7 +68,7 @@ def track_files(
     receivers = read_receivers(receivers_file)
     truth = None if truth_file is None else read_truth(truth_file)
     history = TrackHistory(assumed.dof, truth)
-    counts = Counts()
+    tracking = DataSetTracking(name, assumed, receivers)
     epochs = read_epochs(measurements_file, receivers, assumed.sigma_m)
     begin_s = time.perf_counter()
     try:
@@ -78,8 +78,8 @@ def track_files(
             with unfinished.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file, lineterminator="\n")
                 writer.writerow(COLUMNS)
-                writer.writerows(_cells(track(name, assumed, receivers, epochs, counts), history))
-            if not counts.epochs:
+                writer.writerows(_cells(tracking.run(epochs), history))
+            if not tracking.counts.epochs:
                 raise UsageError(
                     f"{measurements_file}: no line has the positions of both its receivers in"
                     f" {receivers_file} at its time; overlapping times would be right."
@@ -91,7 +91,7 @@ def track_files(
             filter=name,
             receivers=len(receivers.names),
             assumed=assumed,
-            figures=history.figures(counts, time.perf_counter() - begin_s),
+            figures=history.figures(tracking.counts, time.perf_counter() - begin_s),
             wrong=history.findings(receivers.names),
         )
         text = json.dumps(summary.to_json(), indent=1) + "\n"
@@ -104,14 +104,14 @@ def track_files(
     return summary
 
 
-def _cells(steps: Iterator[Step], history: TrackHistory) -> Iterator[list[str]]:
+def _cells(steps: Iterator[TrackedEpoch], history: TrackHistory) -> Iterator[list[str]]:
     for step in steps:
         history.add(step)
         time_s = f"{step.epoch_s:.15g}"
         verdict = step.verdict
         health = [verdict.status, verdict.cause or ""]
-        if step.x is None:
+        if step.estimate is None:
             yield [time_s, *[""] * (len(COLUMNS) - 3), *health]
         else:
-            numbers = [*step.x, *step.P[_UPPER], verdict.nis]
+            numbers = [*step.estimate.x, *step.estimate.P[_UPPER], verdict.nis]
             yield [time_s, *(f"{number:.7g}" for number in numbers), *health]

@@ -12,6 +12,7 @@ import numpy as np
 from swarmctl.datasets.pair_covariance import LARGEST_RHO, rows_of
 from swarmctl.datasets.reading import Epoch, ReceiverPositions
 from swarmctl.errors import EstimationError, UsageError
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.filters import FILTERS, Filters
 from swarmctl.estimation.integrity.gate import GATE
 from swarmctl.estimation.integrity.health import Verdict
@@ -123,41 +124,34 @@ class Assumptions:
         return Behaviour((level, level, upward), self.errors)
 
 
-class Step(NamedTuple):
-    """The estimate after an epoch.
+class TrackedEpoch(NamedTuple):
+    """What is known after an epoch.
 
     Attributes:
-        epoch_s: s.
-        x: Position and velocity, (6,), SI; None while there is no estimate.
-        P: Its covariance, (6, 6).
-        verdict: Health.
+        epoch_s: Time of the epoch, s.
+        estimate: The emitter's estimate; None while there is none.
+        verdict: Health of the track.
     """
 
     epoch_s: float
-    x: Array | None
-    P: Array
+    estimate: Estimate | None
     verdict: Verdict
 
 
-@dataclass
-class Counts:
-    """What became of the measurements.
+class DataSetCounts(NamedTuple):
+    """What became of a data set.
 
     Attributes:
-        epochs: With at least one that could be used.
-        unplaced: Left out because a receiver's position is not recorded at that time.
+        epochs: Epochs with at least one row that could be used.
+        unplaced: Rows left out because a receiver's position is not recorded at that time.
         restarts: How often the track was begun again after it had diverged.
-        used: Used.
-        aside: Set aside as echoes.
-        repeated: Left out as copies of earlier ones.
+        rows: What became of the rows that reached the track.
     """
 
     epochs: int = 0
     unplaced: int = 0
     restarts: int = 0
-    used: int = 0
-    aside: int = 0
-    repeated: int = 0
+    rows: Counts = Counts()
 
 
 def prior_of(assumed: Assumptions, receivers_at: Array) -> Prior:
@@ -182,63 +176,83 @@ def prior_of(assumed: Assumptions, receivers_at: Array) -> Prior:
     return Prior(mean, np.diag(sigmas**2))
 
 
-def track(
-    name: str,
-    assumed: Assumptions,
-    receivers: ReceiverPositions,
-    epochs: Iterable[Epoch],
-    counts: Counts,
-    filters: Filters = FILTERS,
-) -> Iterator[Step]:
-    """Track the emitter through a data set.
-
-    A track that has diverged is begun again, with no prior but the receivers' middle.
+class DataSetTracking:
+    """Tracks the emitter through a data set.
 
     Args:
         name: One of the filters'.
         assumed: What is assumed.
         receivers: Where the receivers were.
-        epochs: The measurements in the order of time; read as they are needed.
-        counts: Kept up to date.
         filters: What there is to choose from.
 
-    Raises:
-        UsageError: There is no such filter.
+    Attributes:
+        counts: What became of the measurements read so far.
     """
-    found: Track | None = None
-    anywhere: Prior | None = None
-    for epoch in epochs:
-        rows, unplaced = rows_of(epoch, receivers, assumed.rho)
-        counts.unplaced += unplaced
-        if rows is None:
-            continue
-        counts.epochs += 1
-        if found is None or anywhere is None:
-            places = [trajectory.at(epoch.epoch_s) for trajectory in receivers.trajectories]
-            at = np.stack([place for place in places if place is not None])
-            found = filters.track(name, prior_of(assumed, at), assumed.behaviour, gate=_GATE)
-            anywhere = prior_of(
-                Assumptions(speed_mps=assumed.speed_mps, height_m=assumed.height_m), at
-            )
-        try:
-            there = False
-            for part in _parts(rows, assumed.rho):
-                there = found.update(part)
-            best = found.estimates()[0] if there else None
-        except EstimationError:  # no finite result: begin again
-            best, failed = None, True
-        else:
-            failed = found.verdict.status == "diverged"
-        counts.used, counts.aside, counts.repeated, _ = found.counts
-        yield Step(
-            epoch.epoch_s,
-            None if best is None else best.x,
-            np.zeros((6, 6)) if best is None else best.P,
-            found.verdict,
+
+    def __init__(
+        self,
+        name: str,
+        assumed: Assumptions,
+        receivers: ReceiverPositions,
+        filters: Filters = FILTERS,
+    ) -> None:
+        self._name = name
+        self._assumed = assumed
+        self._receivers = receivers
+        self._filters = filters
+        self.counts = DataSetCounts()
+
+    def run(self, epochs: Iterable[Epoch]) -> Iterator[TrackedEpoch]:
+        """Track through the epochs.
+
+        A track that has diverged is begun again, with no prior but the receivers' middle.
+
+        Args:
+            epochs: The measurements in the order of time; read as they are needed.
+
+        Raises:
+            UsageError: There is no such filter.
+        """
+        assumed, receivers = self._assumed, self._receivers
+        found: Track | None = None
+        anywhere: Prior | None = None
+        for epoch in epochs:
+            rows, unplaced = rows_of(epoch, receivers, assumed.rho)
+            self._count(unplaced=unplaced)
+            if rows is None:
+                continue
+            self._count(epochs=1)
+            if found is None or anywhere is None:
+                places = [trajectory.at(epoch.epoch_s) for trajectory in receivers.trajectories]
+                at = np.stack([place for place in places if place is not None])
+                found = self._filters.track(
+                    self._name, prior_of(assumed, at), assumed.behaviour, gate=_GATE
+                )
+                anywhere = prior_of(
+                    Assumptions(speed_mps=assumed.speed_mps, height_m=assumed.height_m), at
+                )
+            try:
+                there = False
+                for part in _parts(rows, assumed.rho):
+                    there = found.update(part)
+                best = found.estimates()[0] if there else None
+            except EstimationError:  # no finite result: begin again
+                best, failed = None, True
+            else:
+                failed = found.verdict.status == "diverged"
+            self.counts = self.counts._replace(rows=found.counts)
+            yield TrackedEpoch(epoch.epoch_s, best, found.verdict)
+            if failed:
+                self._count(restarts=1)
+                found.restart(anywhere)
+
+    def _count(self, *, epochs: int = 0, unplaced: int = 0, restarts: int = 0) -> None:
+        counts = self.counts
+        self.counts = counts._replace(
+            epochs=counts.epochs + epochs,
+            unplaced=counts.unplaced + unplaced,
+            restarts=counts.restarts + restarts,
         )
-        if failed:
-            counts.restarts += 1
-            found.restart(anywhere)
 
 
 def _parts(rows: Rows, rho: float) -> Iterator[Rows]:

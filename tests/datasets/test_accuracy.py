@@ -10,30 +10,33 @@ import pytest
 
 from swarmctl.datasets.accuracy import TrackHistory, TrackingFigures, TrackingSummary
 from swarmctl.datasets.reading import Trajectory
-from swarmctl.datasets.tracking import Assumptions, Counts, Step
+from swarmctl.datasets.tracking import Assumptions, DataSetCounts, TrackedEpoch
+from swarmctl.estimation.estimate import Counts, Estimate
 from swarmctl.estimation.integrity.health import Verdict
 
 WELL = Verdict("tracking", None, 1.0, 0.0, 0.0)
 BLOCKED = Verdict("degraded", "rejected", 3.0, 0.0, 0.4, (1,))
 NOISY = Verdict("degraded", "noise", 5.0, 0.0, 0.0)
-COUNTS = Counts(epochs=5, unplaced=3, restarts=1, used=90, aside=10, repeated=2)
+COUNTS = DataSetCounts(5, 3, 1, Counts(used=90, aside=10, repeated=2))
 STILL = Trajectory(np.array([]), np.zeros((1, 3)))
 """An emitter at the origin."""
 
 
-def step(t: float, east: float | None, verdict: Verdict = WELL, sigma: float = 1.0) -> Step:
-    x = None if east is None else np.array([east, 0.0, 9.0, 0.0, 0.0, 0.0])
-    return Step(t, x, np.diag([sigma**2] * 6), verdict)
+def step(t: float, east: float | None, verdict: Verdict = WELL, sigma: float = 1.0) -> TrackedEpoch:
+    if east is None:
+        return TrackedEpoch(t, None, verdict)
+    x = np.array([east, 0.0, 9.0, 0.0, 0.0, 0.0])
+    return TrackedEpoch(t, Estimate(t, x, np.diag([sigma**2] * 6)), verdict)
 
 
-def history(*steps: Step, truth: Trajectory | None = STILL, dof: int = 2) -> TrackHistory:
+def history(*steps: TrackedEpoch, truth: Trajectory | None = STILL, dof: int = 2) -> TrackHistory:
     found = TrackHistory(dof, truth)
     for one in steps:
         found.add(one)
     return found
 
 
-def figures(*steps: Step, truth: Trajectory | None = STILL) -> TrackingFigures:
+def figures(*steps: TrackedEpoch, truth: Trajectory | None = STILL) -> TrackingFigures:
     return history(*steps, truth=truth).figures(COUNTS, 2.0)
 
 

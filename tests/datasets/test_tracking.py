@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,20 @@ from swarmctl.datasets.reading import (
     read_receivers,
     read_truth,
 )
-from swarmctl.datasets.tracking import Assumptions, Counts, Step, prior_of, track
+from swarmctl.datasets.tracking import Assumptions, DataSetTracking, prior_of
 from swarmctl.errors import UsageError
 from swarmctl.estimation.bounds.consistency import nees
+from swarmctl.estimation.estimate import Estimate
 from swarmctl.units import Array
 
 ROOM = Path(__file__).parent / "room"
+
+
+def last(tracking: DataSetTracking, epochs: Iterable[Epoch]) -> Estimate:
+    """The estimate after the last epoch."""
+    (*_, end) = tracking.run(epochs)
+    assert end.estimate is not None
+    return end.estimate
 
 
 def tracked(
@@ -34,12 +43,13 @@ def tracked(
     """The figures of the room, and the 1-sigma of the position that the track claimed, m, RMS."""
     receivers = read_receivers(ROOM / "receivers.csv")
     epochs = read_epochs(ROOM / "measurements.csv", receivers, assumed.sigma_m)
-    history, counts = TrackHistory(assumed.dof, read_truth(ROOM / "truth.csv")), Counts()
+    history = TrackHistory(assumed.dof, read_truth(ROOM / "truth.csv"))
+    tracking = DataSetTracking(name, assumed, receivers)
     some = (epoch for epoch in epochs if epoch.epoch_s <= until_s)
-    for step in track(name, assumed, receivers, some, counts):
+    for step in tracking.run(some):
         history.add(step)
     sigma = history.series().sigma
-    return history.figures(counts, 1.0), float(np.sqrt(np.mean(sigma**2)))
+    return history.figures(tracking.counts, 1.0), float(np.sqrt(np.mean(sigma**2)))
 
 
 def snapshot_sigma_m() -> float:
@@ -104,8 +114,9 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
     told = Assumptions(colour_m=math.hypot(COLOUR_M, bias_m))
     receivers = read_receivers(tmp_path / "receivers.csv")
     epochs = read_epochs(tmp_path / "measurements.csv", receivers, told.sigma_m)
-    history, counts, named = TrackHistory(3, read_truth(tmp_path / "truth.csv")), Counts(), []
-    for step in track("tracker", told, receivers, epochs, counts):
+    history, named = TrackHistory(3, read_truth(tmp_path / "truth.csv")), []
+    tracking = DataSetTracking("tracker", told, receivers)
+    for step in tracking.run(epochs):
         named.append((step.epoch_s, step.verdict.receivers))
         if step.epoch_s < 6.0:
             history.add(step)
@@ -113,7 +124,7 @@ def test_a_hard_room_is_tracked_and_a_receiver_that_is_blocked_is_named(tmp_path
     claimed, rmse = (np.sqrt(np.mean(x**2)) for x in (series.sigma, series.error))
     assert rmse < claimed * math.sqrt(chi2.ppf(0.999, 6) / 6)
     assert series.nees.mean() < chi2.ppf(0.999, 3 * 6) / 6
-    assert counts.restarts == 0
+    assert tracking.counts.restarts == 0
     assert {who for t, who in named if t < 6.0} == {()}
     assert named[-1][1] == (blocked,)
     assert {who for t, who in named} == {(), (blocked,)}
@@ -145,13 +156,13 @@ def ring(
 def test_rows_that_stand_by_themselves_are_rejected_by_themselves() -> None:
     """By receiver, one wrong row in eight takes two good ones with it."""
     receivers, epochs = ring(0, [np.array([3.0, 4.0, 1.0])] * 100, 0.15)
-    counts = Counts()
-    alone = Assumptions(rho=0.0, colour_m=0.0)
-    end = list(track("tracker", alone, receivers, epochs, counts))[-1]
+    tracking = DataSetTracking("tracker", Assumptions(rho=0.0, colour_m=0.0), receivers)
+    end = last(tracking, epochs)
     # 800 rows; by chance 6e-5 of the good ones.
-    assert counts.aside / 800 == pytest.approx(0.15, abs=3.3 * math.sqrt(0.15 * 0.85 / 800))
-    assert counts.restarts == 0
-    assert end.x is not None
+    assert tracking.counts.rows.aside / 800 == pytest.approx(
+        0.15, abs=3.3 * math.sqrt(0.15 * 0.85 / 800)
+    )
+    assert tracking.counts.restarts == 0
     error = end.x[:3] - np.array([3.0, 4.0, 1.0])
     assert nees(error, end.P[:3, :3]) < chi2.ppf(0.999, 3)
 
@@ -159,14 +170,14 @@ def test_rows_that_stand_by_themselves_are_rejected_by_themselves() -> None:
 def test_a_track_that_is_elsewhere_is_begun_again() -> None:
     here, there = np.array([1.5, 1.5, 0.5]), np.array([6.0, 7.0, 2.5])
     receivers, epochs = ring(0, [here] * 80 + [there] * 160, 0.0)
-    counts = Counts()
     calm = Assumptions(rho=0.0, colour_m=0.0, process_noise=1e-3, speed_mps=0.1)
-    steps = list(track("tracker", calm, receivers, epochs, counts))
-    assert counts.restarts == 1
+    tracking = DataSetTracking("tracker", calm, receivers)
+    steps = list(tracking.run(epochs))
+    assert tracking.counts.restarts == 1
     assert [step.verdict.status for step in steps].count("diverged") == 1
     for step, true in ((steps[79], here), (steps[-1], there)):
-        assert step.x is not None
-        assert nees(step.x[:3] - true, step.P[:3, :3]) < chi2.ppf(0.999, 3)
+        assert step.estimate is not None
+        assert nees(step.estimate.x[:3] - true, step.estimate.P[:3, :3]) < chi2.ppf(0.999, 3)
 
 
 @pytest.mark.slow
@@ -179,16 +190,17 @@ def test_a_data_set_that_lies_is_called_so_in_words() -> None:
         (swapped, "rejected", "of the measurements contradict the track, mostly those", (0, 5)),
     ):
         told = [lie(epochs[100], epoch) if k > 100 else epoch for k, epoch in enumerate(epochs)]
-        history, counts = TrackHistory(3, None), Counts()
+        history = TrackHistory(3, None)
+        tracking = DataSetTracking("tracker", assumed, receivers)
         verdicts = []
-        for step in track("tracker", assumed, receivers, told, counts):
+        for step in tracking.run(told):
             history.add(step)
             verdicts.append(step.verdict)
         assert next(v.receivers for v in verdicts if v.cause == cause) == of
         (finding,) = (f for f in history.findings(receivers.names) if f.cause == cause)
         assert says in finding.sentence
         assert 5.0 < finding.first_s < 10.0
-        assert (counts.repeated > 300) == (cause == "repeated")
+        assert (tracking.counts.rows.repeated > 300) == (cause == "repeated")
 
 
 def hung(before: Epoch, epoch: Epoch) -> Epoch:
@@ -224,8 +236,9 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
             for (i, j), off in zip(pairs, noise, strict=True)
         ]
         epochs.append(Epoch(0.05 * k, tuple(rows)))
-    counts = Counts()
-    steps = list(track("tracker", Assumptions(colour_m=0.0), receivers, epochs, counts))
+    tracking = DataSetTracking("tracker", Assumptions(colour_m=0.0), receivers)
+    steps = list(tracking.run(epochs))
+    counts = tracking.counts.rows
     assert len(steps) == 200
     assert {step.verdict.status for step in steps} == {"initialising", "tracking"}
     # Beyond three sigmas by chance: 1000 rows, 999 of 1000 seeds.
@@ -233,8 +246,8 @@ def test_one_time_may_bear_rows_of_several_signals() -> None:
     assert counts.aside <= binom.ppf(0.999, 1000, 2.0 * norm.sf(3.0))
     # The mean square of some 900 whitened innovations of the last steps' three seconds.
     assert steps[-1].verdict.nis < chi2.ppf(0.999, 300) / 300
-    end = steps[-1]
-    assert end.x is not None
+    end = steps[-1].estimate
+    assert end is not None
     assert nees(end.x[:3] - true, end.P[:3, :3]) < chi2.ppf(0.999, 3)
 
 
@@ -258,7 +271,7 @@ def test_all_differences_of_one_signal_tell_no_more_than_its_arrivals() -> None:
     sigmas = []
     for epochs in (every, star):
         assumed = Assumptions(colour_m=0.0)
-        (*_, end) = track("tracker", assumed, receivers, epochs, Counts())
+        end = last(DataSetTracking("tracker", assumed, receivers), epochs)
         sigmas.append(math.sqrt(float(np.trace(end.P[:3, :3]))))
     assert sigmas[0] == pytest.approx(sigmas[1], rel=0.02)
 
@@ -302,15 +315,11 @@ SWARM = Assumptions(
 )  # fmt: skip
 
 
-def last(receivers: ReceiverPositions, epochs: list[Epoch], counts: Counts) -> Step:
-    return list(track("tracker", SWARM, receivers, epochs, counts))[-1]
-
-
 def test_receivers_that_move_find_an_emitter_of_known_height() -> None:
     forms, errors = [], []
     for seed in range(4):
-        end = last(*flight(seed), Counts())
-        assert end.x is not None
+        receivers, epochs = flight(seed)
+        end = last(DataSetTracking("tracker", SWARM, receivers), epochs)
         assert end.x[2] == pytest.approx(EMITTER[2], abs=0.1)
         error = end.x[:2] - EMITTER[:2]
         forms.append(float(nees(error, end.P[:2, :2])))
@@ -320,15 +329,13 @@ def test_receivers_that_move_find_an_emitter_of_known_height() -> None:
 
 
 def test_rows_of_a_receiver_whose_position_ends_are_left_out_and_counted() -> None:
-    counts = Counts()
     receivers, epochs = flight(0)
     short = Trajectory(TIMES[:21], receivers.trajectories[3].positions[:21])
-    end = last(
-        ReceiverPositions(receivers.names, (*receivers.trajectories[:3], short)), epochs, counts
-    )
-    assert counts.unplaced == 199  # one row in each of the epochs after 20 s
-    assert counts.epochs == 400
-    assert end.x is not None
+    shorter = ReceiverPositions(receivers.names, (*receivers.trajectories[:3], short))
+    tracking = DataSetTracking("tracker", SWARM, shorter)
+    end = last(tracking, epochs)
+    assert tracking.counts.unplaced == 199  # one row in each of the epochs after 20 s
+    assert tracking.counts.epochs == 400
     error = end.x[:2] - EMITTER[:2]
     assert nees(error, end.P[:2, :2]) < chi2.ppf(0.999, 2)
 
