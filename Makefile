@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 # Tests run on every core; those of one xdist_group share what they have flown, in one process.
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 8 --dist loadgroup
 
-.PHONY: setup demo test test-slow test-all lint bench docs site clean
+.PHONY: setup demo test test-slow test-all coverage lint bench docs site clean
 
 setup: $(READY)
 
@@ -32,6 +32,10 @@ test-slow: setup
 	$(BIN)/python -m pytest -m "slow and live"
 
 test-all: test test-slow
+
+# The files that the quick tests do not cover wholly, with the lines and branches left out.
+coverage: setup
+	$(PYTEST) -m "not slow" --cov --cov-report=term-missing:skip-covered
 
 lint: setup
 	$(BIN)/ruff check .
@@ -69,4 +73,4 @@ site: setup
 	@echo "build/site/index.html"
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage .coverage.*
