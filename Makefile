@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 # Tests run on every core; those of one xdist_group share what they have flown, in one process.
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 8 --dist loadgroup
 
-.PHONY: setup demo test test-slow test-all coverage lint bench docs site clean
+.PHONY: setup demo test test-slow test-all coverage mutants lint bench docs site clean
 
 setup: $(READY)
 
@@ -52,6 +52,11 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.bench_study
 	$(BIN)/python -m tests.benchmarks.bench_designs
 	$(BIN)/python -m tests.benchmarks.bench_vehicles
+
+# Whether the quick tests notice changes in five critical modules: ten minutes on one core.
+mutants: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable ".[mutants]"
+	$(BIN)/python -m tests.mutants
 
 docs: setup
 	$(BIN)/python docs/generate.py

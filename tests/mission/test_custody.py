@@ -1,4 +1,4 @@
-"""Whole flights with vehicles that are guided by a stream, as PX4's are, in virtual time."""
+"""Who flies a vehicle, by its heartbeats; then whole flights guided by a stream, as PX4's are."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import pytest
 
 from swarmctl.commands import Arm, GoTo, SetMode, TakeOff
 from swarmctl.decisions import MissionEnded, Notice
-from swarmctl.events import CommandKind, Mode, OperatorRequest
-from swarmctl.mission.custody import RESUME_S
+from swarmctl.events import CommandKind, Heartbeat, Mode, OperatorRequest
+from swarmctl.frames import LocalFrame
+from swarmctl.mission.custody import RESUME_S, Custody
+from swarmctl.mission.fleet import Fleet, VehicleState
 from swarmctl.mission.mission_file_loading import parse_mission
 from tests.mission.fake_fleet import PX4_SAFE, STREAM_LOST_S, Flight
 from tests.missions import short_mission_text
@@ -37,6 +39,140 @@ def warnings(flight: Flight) -> str:
 def fly(flight: Flight, seconds: float) -> None:
     for _ in range(round(seconds / 0.1)):
         flight.step()
+
+
+# --- By its heartbeats -----------------------------------------------------------------
+
+
+def beat(
+    mode: Mode, *, armed: bool = True, failsafe: bool = False, by_stream: bool = True
+) -> Heartbeat:
+    return Heartbeat(
+        received_s=0.0,
+        sysid=1,
+        autopilot="px4",
+        is_multirotor=True,
+        mode=mode,
+        mode_name=mode.upper(),
+        armed=armed,
+        failsafe=failsafe,
+        guided_by_stream=by_stream,
+    )
+
+
+GUIDED = beat(Mode.GUIDED)
+MISSED = beat(Mode.OTHER, failsafe=True)
+"""On its failsafe because our setpoints stopped."""
+
+
+@pytest.fixture
+def two() -> Fleet:
+    """Vehicles 1 and 2, guided, 30 m above their launch points."""
+    states = {
+        sysid: VehicleState(
+            sysid,
+            40.0,
+            heartbeat=GUIDED,
+            position_enu=(0.0, 0.0, 30.0),
+            launch_enu=(0.0, 0.0, 0.0),
+        )
+        for sysid in (1, 2)
+    }
+    return Fleet(LocalFrame(0.9, 0.2, 0.0), states)
+
+
+def released(custody: Custody, now: float) -> list[str]:
+    """What befell those that a review released."""
+    return [failure.result for failure in custody.review(now)[1]]
+
+
+def test_a_vehicle_is_ours_while_it_is_armed_guided_and_off_the_ground(two: Fleet) -> None:
+    custody, vehicle = Custody(two), two.vehicles[1]
+    assert custody.is_ours(vehicle, raised=False)
+    vehicle.position_enu = vehicle.launch_enu
+    assert not custody.is_ours(vehicle, raised=False)
+    assert custody.is_ours(vehicle, raised=True)
+    vehicle.heartbeat = beat(Mode.OTHER)
+    assert not custody.is_ours(vehicle, raised=True)
+    vehicle.heartbeat = beat(Mode.GUIDED, armed=False)
+    assert not custody.is_ours(vehicle, raised=True)
+    vehicle.heartbeat = None
+    assert not custody.is_ours(vehicle, raised=True)
+
+
+@pytest.mark.parametrize("harmless", [None, GUIDED, beat(Mode.OTHER, armed=False)])
+def test_who_is_guided_unarmed_or_not_heard_is_not_released(
+    two: Fleet, harmless: Heartbeat | None
+) -> None:
+    custody = Custody(two)
+    two.vehicles[1].heartbeat = harmless
+    assert custody.review(10.0) == ([], [])
+    assert custody.released == set()
+
+
+def test_who_missed_our_setpoints_is_ours_for_the_time_it_takes_to_resume(two: Fleet) -> None:
+    assert RESUME_S == 5.0
+    custody, vehicle = Custody(two), two.vehicles[1]
+    vehicle.heartbeat = MISSED
+    assert not custody.is_ours(vehicle, raised=True)
+    for now in (10.0, 15.0):
+        said, failures = custody.review(now)
+        assert len(said) == 1
+        assert failures == []
+        assert custody.is_ours(vehicle, raised=True)
+    assert released(custody, 15.1) == ["vehicle_failsafe"]
+    assert custody.released == {1}
+    assert not custody.is_ours(vehicle, raised=True)
+
+
+@pytest.mark.parametrize("harmless", [None, GUIDED, beat(Mode.OTHER, armed=False)])
+def test_each_time_it_misses_our_setpoints_it_has_the_whole_time_to_resume(
+    two: Fleet, harmless: Heartbeat | None
+) -> None:
+    custody, vehicle = Custody(two), two.vehicles[1]
+    for since in (10.0, 14.0):
+        vehicle.heartbeat = MISSED
+        assert released(custody, since) == []
+        assert released(custody, since + 3.0) == []
+        vehicle.heartbeat = harmless
+        assert custody.review(since + 3.5) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("heartbeat", "result"),
+    [
+        (beat(Mode.OTHER), "taken_over"),
+        (beat(Mode.OTHER, by_stream=False), "taken_over"),
+        (beat(Mode.RETURN, failsafe=True, by_stream=False), "vehicle_failsafe"),
+    ],
+)
+def test_who_cannot_be_expected_back_is_released_at_once_and_told_once(
+    two: Fleet, heartbeat: Heartbeat, result: str
+) -> None:
+    custody, vehicle = Custody(two), two.vehicles[1]
+    # Vehicle 1 comes first: what is known of it keeps nobody from looking at vehicle 2.
+    vehicle.heartbeat = heartbeat
+    assert released(custody, 10.0) == [result]
+    two.vehicles[2].heartbeat = heartbeat
+    assert released(custody, 10.1) == [result]
+    assert custody.review(20.0) == ([], [])
+    assert custody.released == {1, 2}
+    vehicle.heartbeat = GUIDED
+    assert not custody.is_ours(vehicle, raised=True)
+
+
+def test_a_pilot_who_takes_over_on_a_failsafe_is_not_waited_for(two: Fleet) -> None:
+    custody, vehicle = Custody(two), two.vehicles[1]
+    vehicle.heartbeat = MISSED
+    two.vehicles[2].heartbeat = MISSED
+    said, _ = custody.review(10.0)
+    assert [text.split(" is ")[0] for text in said] == ["vehicle 1", "vehicle 2"]
+    vehicle.heartbeat = beat(Mode.OTHER)
+    assert released(custody, 11.0) == ["taken_over"]
+    assert custody.released == {1}
+
+
+# --- Whole flights ---------------------------------------------------------------------
 
 
 def test_a_whole_mission_on_setpoints_from_the_ground_to_the_landing(flight: Flight) -> None:

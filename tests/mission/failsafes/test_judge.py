@@ -114,6 +114,46 @@ def test_each_parameter(
 
 
 @pytest.mark.parametrize(
+    ("values", "parameter", "allowed"),
+    [
+        (COPTER, "FS_GCS_ENABLE", {1}),
+        (COPTER, "FS_EKF_ACTION", {1, 3}),
+        (COPTER, "BATT_FS_LOW_ACT", {0, 1, 2, 3, 4, 6, 7}),
+        (COPTER, "BATT_FS_CRT_ACT", {0, 1, 2, 3, 4, 6, 7}),
+        (PX4, "NAV_DLL_ACT", {2}),
+        (PX4, "COM_OBL_RC_ACT", {3, 5}),
+        (PX4, "COM_OBL_ACT", {1, 2}),
+        (PX4, "NAV_RCL_ACT", {0, 1, 2, 3}),
+    ],
+)
+def test_no_vehicle_flies_with_an_action_that_is_not_allowed(
+    values: dict[str, float], parameter: str, allowed: set[int]
+) -> None:
+    for action in range(-1, 10):
+        found = find_unsafe(
+            [vehicle(7, 40.0, values | {parameter: float(action)})],
+            separation_m=8.0,
+            ceiling_amsl_m=GROUND_M + 100.0,
+        )
+        required = [f.parameter for f in found if f.rule_class is RuleClass.REQUIRED]
+        assert required == ([] if action in allowed else [parameter]), action
+
+
+@pytest.mark.parametrize(
+    ("values", "parameter", "least", "greatest"),
+    [(COPTER, "FS_GCS_TIMEOUT", 10.0, 60.0), (PX4, "COM_OF_LOSS_T", 0.5, 5.0)],
+)
+def test_both_ends_of_a_range_are_right(
+    values: dict[str, float], parameter: str, least: float, greatest: float
+) -> None:
+    for right_value in (least, greatest):
+        assert judged(vehicle(7, 40.0, values | {parameter: right_value})) == []
+    for wrong in (0.99 * least, 1.01 * greatest):
+        (fault,) = judged(vehicle(7, 40.0, values | {parameter: wrong}))
+        assert fault[1] == parameter
+
+
+@pytest.mark.parametrize(
     ("values", "changed", "expected", "rule_class"),
     [
         # Nothing acts on the loss of a remote control.
