@@ -135,7 +135,7 @@ def _run(name: str, sample: int, seed: int) -> Tally:
 
 
 def _mutants(target: Target) -> list[MutationSpec]:
-    """All mutants by the operators in use that compile and are not in an annotation."""
+    """All mutants by the operators in use that compile and change what runs."""
     found = []
     session = WorkDB("mutants.sqlite", WorkDB.Mode.create)
     init([Path(file) for file in target.files], session, {})
@@ -149,8 +149,12 @@ def _mutants(target: Target) -> list[MutationSpec]:
 
 def _is_code(mutant: MutationSpec) -> bool:
     source = mutant.module_path.read_text(encoding="utf-8")
-    if any(start <= mutant.start_pos < end for start, end in _annotations(source)):
+    if any(start <= mutant.start_pos < end for start, end in _for_mypy(source)):
         return False
+    row, column = mutant.end_pos
+    rest = source.splitlines()[row - 1][column:]
+    if "BinaryOperator" in mutant.operator_name and rest.startswith(","):
+        return False  # f(*, name) is no product
     changed = mutate_code(source, get_operator(mutant.operator_name)(), mutant.occurrence)
     try:
         compile(changed, str(mutant.module_path), "exec")
@@ -159,11 +163,12 @@ def _is_code(mutant: MutationSpec) -> bool:
     return True
 
 
-def _annotations(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Where annotations begin and end: nothing looks at them when the code runs."""
+def _for_mypy(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Where annotations and decorators begin and end: mypy looks after a frozen dataclass."""
     spans = []
     for node in ast.walk(ast.parse(source)):
-        for part in (getattr(node, "annotation", None), getattr(node, "returns", None)):
+        parts = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        for part in parts + getattr(node, "decorator_list", []):
             if isinstance(part, ast.expr):
                 end = (part.end_lineno or 0, part.end_col_offset or 0)
                 spans.append(((part.lineno, part.col_offset), end))

@@ -10,6 +10,7 @@ import pytest
 from swarmctl.errors import EstimationError, UsageError
 from swarmctl.estimation.estimate import Counts
 from swarmctl.estimation.filters import FILTERS, Filters
+from swarmctl.estimation.integrity.health import Verdict
 from swarmctl.estimation.model import motion
 from swarmctl.estimation.model.prior import Prior
 from swarmctl.estimation.model.range_difference import range_differences
@@ -25,6 +26,9 @@ PRIOR = Prior(
 )
 WHITE = 9.0 * 0.5 * (np.eye(3) + 1.0)
 START = np.array([[-1500, 0, 60], [-1500, 285, 75], [-1500, -285, 90], [-1785, 0, 105]], float)
+
+FRESH = Verdict("initialising", None, nis=1.0, correlation=0.0, rejected=0.0)
+"""What is said of a track that has not seen any rows."""
 
 every_filter = pytest.mark.parametrize("name", list(FILTERS))
 
@@ -58,6 +62,7 @@ def fed(track: Track, epochs: range) -> Track:
 def test_it_tracks(name: str) -> None:
     track = track_by(name)
     assert not track.is_begun
+    assert track.verdict == FRESH
     fed(track, range(50))
     assert track.is_begun
     assert track.is_resolved
@@ -78,6 +83,7 @@ def test_repeats_are_left_out_named_and_coasted_over(name: str) -> None:
         at = places(0.1 * k)
         track.update(held._replace(epoch_s=0.1 * k, first_at=at[[0, 0, 0]], second_at=at[1:]))
     assert (track.verdict.status, track.verdict.cause) == ("degraded", "repeated")
+    assert track.verdict.rejected == 0.0
     assert track.counts.repeated > 45 * 3
     assert sum(track.counts) == 110 * 3
     assert track.counts.used - used < 5 * 3
@@ -147,7 +153,7 @@ def test_it_restarts_from_its_own_prior_grown_old_and_keeps_the_counts(name: str
     track.restart()
     assert track.counts == counts
     assert track.estimates() == []
-    assert track.verdict.status == "initialising"
+    assert track.verdict == FRESH
     assert track.innovation.size == 0
     aged = motion.predict(*PRIOR, until_s, np.array(PSD))
     np.testing.assert_allclose(track.believed_at(until_s).P, aged[1])
