@@ -290,7 +290,7 @@ def _prove(
         failed = _nearest(paths[taken[i], i] - paths[taken[j], j]) < least
         if not failed.any():
             return np.array(options)[taken, rows]
-        # Of two in a row only the one behind has to brake.
+        # Where one flies behind the other, only the one behind has to brake.
         one, other = i[failed], j[failed]
         slower = np.minimum(taken + 1, len(options) - 1)
         by_one = _nearest(paths[slower[one], one] - paths[taken[other], other])

@@ -35,7 +35,7 @@ def update(
         reference: Position of the reference UAV, (..., d), m.
         companions: Positions of the companions, (..., N, d), m.
         rd: Measured range differences, (..., N), m.
-        covariance: Of the RDs about those computed at the given positions, (..., N, N), m²,
+        covariance: That of the RDs about those computed at the given positions, (..., N, N), m²,
             as from :func:`~swarmctl.estimation.model.range_difference.effective_covariance`.
         iterations: At most so many linearisations, >= 1.
 
